@@ -27,7 +27,9 @@ def fit_swings(files: Sequence[Path], typed: Mapping[str, str | None], tools: st
 
     Raises:
         AnswerNotUsable: an option is missing or cannot be used. SwingFileError, RigError.
+        CopiedRecordingError: a recording is given twice.
     """
+    from calibration.bench.copies import refuse_copies
     from calibration.bench.inertia.fit import fit_swing
     from calibration.bench.inertia.inertia import inertia_about_axis, mean_period
     from calibration.bench.inertia.paper import peak_period
@@ -41,6 +43,7 @@ def fit_swings(files: Sequence[Path], typed: Mapping[str, str | None], tools: st
     if estimator not in ("pendulum", "paper"):
         raise AnswerNotUsable(f"--estimator {estimator}: choose pendulum or paper")
     swings = [read_swing(file, AXES[axis]) for file in files]
+    refuse_copies(zip(files, ((swing.time, swing.gyro) for swing in swings), strict=True))
     fits = [_as_recorded(fit_swing(swing)) for swing in swings]
     rig = _rig(typed, tools)
     result = None if rig is None else inertia_about_axis(fits, rig)
@@ -151,13 +154,17 @@ def fit_steps(files: Sequence[Path], vehicle: "Vehicle", propeller: "PropellerMa
 
     Raises:
         TachometerError: a file that cannot be read, or without steps.
+        CopiedRecordingError: a recording is given twice.
     """
+    from calibration.bench.copies import refuse_copies
     from calibration.bench.motors.analysis import analyse
     from calibration.bench.motors.files import read_tachometer
     from onboard.gravity import GRAVITY
 
     hover = vehicle.body.mass.value * GRAVITY / 4.0
-    result = analyse([read_tachometer(file) for file in files], propeller, hover, blades)
+    records = [read_tachometer(file) for file in files]
+    refuse_copies(zip(files, (record.measured for record in records), strict=True))
+    result = analyse(records, propeller, hover, blades)
     emit(result, _step_words(result))
 
 

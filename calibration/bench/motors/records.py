@@ -36,6 +36,11 @@ class EdgeRecord:
         if not np.all(np.isfinite(self.times)):
             raise TachometerError(f"{self.name}: a time that is not a number; record it again")
 
+    @property
+    def measured(self) -> tuple[FloatArray, ...]:
+        """The numbers that tell this recording from any other."""
+        return self.times, self.counts.astype(np.float64)
+
     def scaled(self, scale: float) -> "EdgeRecord":
         """With times multiplied by `scale`, the true second over that of the instrument."""
         return replace(self, times=self.times * scale)
@@ -76,6 +81,11 @@ class WindowRecord:
             raise TachometerError(f"{self.name}: time goes back at sample {row}; cut the recording there")
         if np.any(self.speeds < 0.0):
             raise TachometerError(f"{self.name}: a negative speed; a count of marks cannot give one")
+
+    @property
+    def measured(self) -> tuple[FloatArray, ...]:
+        """The numbers that tell this recording from any other."""
+        return self.ends, self.speeds
 
     @property
     def window(self) -> float:
