@@ -150,6 +150,28 @@ def test_each_fault_has_its_finding() -> None:
         analyse(dataclasses.replace(run, kind=tuple("point" for _ in run.kind)))
 
 
+@pytest.mark.parametrize("name", ["L250", "T350", "DC"])
+@pytest.mark.parametrize("seed", range(2))
+def test_one_point_that_strays_is_told_and_scatter_is_not(name: str, seed: int) -> None:
+    run = record(name, np.random.default_rng(seed), motors=4)
+    assert "stray_point" not in [finding.code for finding in analyse(run).findings]
+    slipped = run.command.copy()
+    slipped[np.flatnonzero(run.rows("point"))[7]] = 0.0  # a command that was left out, its thrust kept
+    findings = analyse(dataclasses.replace(run, command=slipped)).findings
+    told = [finding for finding in findings if finding.code == "stray_point"]
+    assert [finding.severity for finding in told] == [Severity.WARNING]
+    assert "the point at 0.000 V" in told[0].text
+
+
+def test_a_voltage_below_zero_is_refused_by_its_row(tmp_path: Path) -> None:
+    run = table()
+    board = run.board.copy()
+    board[5] = -board[5]
+    write_raw(tmp_path / "run.csv", dataclasses.replace(run, board=board))
+    with pytest.raises(ThrustTableError, match=r"row 7 column 'board_v': -.* is below 0"):
+        read_table(tmp_path / "run.csv")
+
+
 def test_curves_that_disagree_are_found() -> None:
     two = record("L250", np.random.default_rng(0), motors=4, supplies=(3.5, 4.1))
     assert "supplies_differ" not in codes(two)

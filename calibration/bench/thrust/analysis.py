@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.bench.thrust.checks import check_points, check_run
+from calibration.bench.thrust.checks import check_curve, check_points, check_run
 from calibration.bench.thrust.choose import choose, report_forms, thrust_range
 from calibration.bench.thrust.data import ThrustData
 from calibration.bench.thrust.errors import ThrustTableError
@@ -108,6 +108,7 @@ def analyse(table: ThrustData | RawTable, expected: Callable[[float], float] | N
     findings += check_points(data, expected)
     forms = report_forms(data)
     chosen = choose(forms)
+    findings += check_curve(data.name, chosen.fit)
     low, high = thrust_range(data)
     at = np.array([data.voltage[data.thrust == low][0], data.voltage[data.thrust == high][0]])
     sigma = chosen.fit.curve_sigma(at) * FORCE_UNITS["g"]

@@ -6,6 +6,7 @@ import numpy as np
 
 from calibration.bench.check_table import REJECTED, WARNED, Check, above, below, findings_of
 from calibration.bench.thrust.data import ThrustData
+from calibration.bench.thrust.fit import FormFit
 from calibration.bench.thrust.raw_table import RawTable, drift_weights, to_data
 from calibration.measurement import Finding
 from onboard.arrays import BoolArray, FloatArray
@@ -14,6 +15,8 @@ from onboard.gravity import GRAM_FORCE
 DISAGREEMENT = 0.03
 _DISAGREEMENT_FLOOR = 0.15 * GRAM_FORCE
 _LOW_GF, _HIGH_GF = 1.0, 12.0
+_STRAY_SIGMAS = 8.0
+"""Of the other points' scatter: also tables whose curve bends otherwise than the form stay below."""
 _ENDS = below(note=2)
 _DIFFER = above(warning=DISAGREEMENT)
 
@@ -67,6 +70,27 @@ def check_points(data: ThrustData, expected: Callable[[float], float] | None = N
         ),
     )
     return findings_of(data.name, table)
+
+
+def check_curve(name: str, fit: FormFit) -> list[Finding]:
+    """Whether one point lies far off the curve that the others make: a slip in its row, not scatter.
+
+    Args:
+        name: of the table.
+        fit: of the chosen form.
+    """
+    off = np.abs(fit.residuals)
+    at = int(np.argmax(off))
+    limit = max(_STRAY_SIGMAS * 1.4826 * float(np.median(off)), _DISAGREEMENT_FLOOR / GRAM_FORCE)
+    stray = Check(
+        "stray_point",
+        float(off[at]),
+        above(warning=limit),
+        f"the point at {fit.voltage[at]:.3f} V, {fit.thrust[at]:.2f} gf is {{:.2f}} gf off the curve of the "
+        "others (limit {:.2f} gf)",
+        "it bends the whole map: look at its row, measure it again or take it out",
+    )
+    return findings_of(name, [stray])
 
 
 def _share_of(expected: Callable[[float], float] | None, data: ThrustData) -> float | None:

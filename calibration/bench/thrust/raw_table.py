@@ -84,7 +84,7 @@ def read_raw(table: CsvFile, units: Units) -> RawTable:
     """A raw table from its columns.
 
     Raises:
-        ThrustTableError: an unknown kind, a cell that is no number, a command below 0.
+        ThrustTableError: an unknown kind, a cell that is no number, a command or a voltage below 0.
     """
     kinds = table.text("kind")
     values = {name: table.finite(name) for name in RAW_HEADER if name != "kind"}
@@ -97,6 +97,9 @@ def read_raw(table: CsvFile, units: Units) -> RawTable:
             raise table.problem(row, "command", f"{command:g} is below 0")
         if turning < 1.0:
             raise table.problem(row, "motors", "at least one motor turns")
+    for name in ("supply_v", "board_v"):
+        for index in np.flatnonzero(values[name] < 0.0)[:1]:
+            raise table.problem(table.rows[index], name, f"{values[name][index]:g} is below 0")
     volts = VOLTAGE_UNITS[units.voltage]
     motors = values["motors"] if units.motors is None else np.full(len(kinds), float(units.motors))
     return RawTable(
