@@ -29,6 +29,18 @@ def test_commands_read_back(tmp_path: Path) -> None:
     assert again.commands.tolist() == [0.0, 38400.0]
 
 
+@pytest.mark.parametrize(
+    ("header", "after"), [("time,omega", "1.7e9,1000"), ("t_us,edge_count", f"{17 * 10**14},4")]
+)
+def test_a_clock_that_jumps_by_years_is_named(header: str, after: str, tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([header, "1,1", "2,2", "3,3", after]) + "\n")
+    with pytest.raises(
+        TachometerError, match=r"row 5 column .* time jumps by 1\.7e\+09 s; cut the recording"
+    ):
+        read_tachometer(path)
+
+
 def test_counter_that_wraps_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "wrap.csv"
     path.write_text(f"t_us,edge_count\n{2**32 - 1000},1\n{500},2\n{2500},3\n")

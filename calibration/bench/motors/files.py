@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from calibration.bench.motors.errors import TachometerError
 from calibration.bench.motors.records import CommandRecord, EdgeRecord, WindowRecord
 from onboard.arrays import FloatArray
-from onboard.csv_file import read_csv, write_csv
+from onboard.csv_file import CsvFile, read_csv, write_csv
 
 EDGE_HEADER = ("t_us", "edge_count")
 COMMAND_HEADER = ("t_us", "command")
@@ -28,20 +28,26 @@ LEGACY_HEADER = ("time", "omega")
 WRAP_US = 1 << 32
 """micros() of an Arduino starts again after 71.6 min."""
 _MOST_COMMAND = 65535
+_LONGEST_PAUSE = 3600.0
+"""s without anything: no motor rests so long between two steps; a clock that jumps does."""
 
 
 def read_tachometer(path: Path) -> EdgeRecord | WindowRecord:
     """A recording in any of the formats, told apart by its header.
 
     Raises:
-        TachometerError: not readable, an unknown header, or a cell that is no number, by file and row.
+        TachometerError: not readable, an unknown header, or a cell that is no number or a time that jumps,
+            by file and row.
     """
     table = read_csv(path, TachometerError)
     if table.header == EDGE_HEADER:
-        return EdgeRecord(_unwrapped(table.integers("t_us")) * 1e-6, table.integers("edge_count"), path.name)
+        times = _unwrapped(table.integers("t_us")) * 1e-6
+        _refuse_jump(table, "t_us", times)
+        return EdgeRecord(times, table.integers("edge_count"), path.name)
     if table.header == LEGACY_HEADER:
         if len(table.rows) < 2:
             raise TachometerError(f"{path}: {len(table.rows)} samples; a recording has at least two")
+        _refuse_jump(table, "time", table.finite("time"))
         return WindowRecord(table.finite("time"), table.finite("omega"), name=path.name)
     known = " or ".join(repr(",".join(names)) for names in (EDGE_HEADER, LEGACY_HEADER))
     raise TachometerError(
@@ -79,6 +85,12 @@ def write_commands(path: Path, record: CommandRecord) -> None:
 def _write(path: Path, header: tuple[str, ...], times: FloatArray, values: NDArray[np.int64]) -> None:
     ticks = np.rint(times * 1e6).astype(np.int64)
     write_csv(path, header, ((str(tick), str(value)) for tick, value in zip(ticks, values, strict=True)))
+
+
+def _refuse_jump(table: CsvFile, column: str, times: FloatArray) -> None:
+    for row in np.flatnonzero(np.diff(times) > _LONGEST_PAUSE)[:1]:
+        what = f"time jumps by {times[row + 1] - times[row]:.3g} s; cut the recording there"
+        raise table.problem(table.rows[row + 1], column, what)
 
 
 def _unwrapped(times: NDArray[np.int64]) -> FloatArray:
