@@ -55,8 +55,9 @@ class RunRecord:
             raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
         try:
             info = read_info(folder)
-            content = read_series(folder / SERIES_FILE, finished=series_finished(info))
-            events, torn_events = _read_events(folder / EVENTS_FILE)
+            finished = series_finished(info)
+            content = read_series(folder / SERIES_FILE, finished=finished)
+            events, torn_events = _read_events(folder / EVENTS_FILE, finished)
         except OSError as error:
             raise RunFolderError(f"{folder}: cannot be read ({error.strerror})") from error
         torn = tuple(note for note in (content.note, torn_events) if note)
@@ -128,8 +129,10 @@ def _restored(values: dict[str, Any]) -> dict[str, Any]:
     return {k: NOT_FINITE.get(v, v) if isinstance(v, str) else v for k, v in values.items()}
 
 
-def _read_events(path: Path) -> tuple[tuple[dict[str, Any], ...], str | None]:
+def _read_events(path: Path, finished: bool) -> tuple[tuple[dict[str, Any], ...], str | None]:
     if not path.is_file():
+        if finished:  # without its events a landing would be judged as a flight that never triggered
+            raise RunFolderError(f"{path}: missing from a record that was closed: {REMEDY}")
         return (), f"{path.name}: missing"
     lines = path.read_bytes().split(b"\n")
     tail = lines.pop()  # empty when the last line was written completely

@@ -296,3 +296,14 @@ def test_a_record_of_another_version_is_refused_by_its_name_and_not_called_damag
     with pytest.raises(RunFolderError, match=r"key 'schema': is \"perchhw\.run/0\", older than") as refused:
         read_run(set_back)
     assert "CRC-32" in str(refused.value)  # where it was a wrong bit, that is to be seen as well
+
+
+def test_a_closed_record_without_its_events_is_damaged_and_a_killed_one_is_not(
+    closed: Path, killed: Path, tmp_path: Path
+) -> None:
+    for original in (closed, killed):
+        copy(original, tmp_path / original.parent.name, "", len)
+        (tmp_path / original.parent.name / "events.jsonl").unlink()
+    with pytest.raises(RunFolderError, match="missing from a record that was closed: fetch it again"):
+        read_run(tmp_path / closed.parent.name)
+    assert "events.jsonl: missing" in read_run(tmp_path / killed.parent.name).torn
