@@ -146,3 +146,11 @@ def test_of_several_numbers_one_is_off_by_chance_more_often(
     fitted = refine(Model(STOCK), variables, slowed())
     errors = {v: abs(fitted.model.change(v)) / sigmas for v in variables}
     assert contains_nothing(variables, fitted, errors) is nothing
+
+
+@pytest.mark.parametrize(("sigmas", "nothing"), [(1.2, True), (4.0, False)])
+def test_a_string_whose_stiffness_may_be_nothing_has_no_name(sigmas: float, nothing: bool) -> None:
+    string = {Variable("tether", name): 1.0 for name in ("x", "y", "z", "length", "stiffness")}
+    fitted = refine(Model(STOCK, string), (), slowed())
+    errors = {v: abs(x) / (sigmas if v.parameter == "stiffness" else 50.0) for v, x in string.items()}
+    assert contains_nothing(list(string), fitted, errors) is nothing

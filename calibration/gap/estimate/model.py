@@ -83,6 +83,11 @@ class Model:
                 return effect.values()[variable.parameter]
         return self.rule(variable).neutral
 
+    def without_it(self, variable: Variable) -> float | None:
+        """:meth:`nothing_new`, or else the value with which the whole effect is not there, if any."""
+        rule, same = self.rule(variable), self.nothing_new(variable)
+        return rule.absent if same is None else same
+
     def change(self, variable: Variable) -> float:
         """Distance of the present value from the one that does nothing new (from 0, where none does)."""
         return self.start_value(variable) - (self.nothing_new(variable) or 0.0)

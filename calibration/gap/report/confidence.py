@@ -37,7 +37,8 @@ def clearness(effect: FoundEffect, vehicle: Vehicle) -> float:
     filed = {one.name: one.values() for one in vehicle.effects}.get(effect.name, {})
     distances = [0.0]
     for name, found in effect.parameters.items():
-        neutral = filed.get(name, EFFECTS[effect.name].parameters[name].neutral)
+        rule = EFFECTS[effect.name].parameters[name]
+        neutral = filed.get(name, rule.absent if rule.neutral is None else rule.neutral)
         error = 0.5 * (found.ci95[1] - found.ci95[0]) / NINETY_FIVE
         if neutral is not None and error > 0.0:
             distances.append(abs(found.value - neutral) / error)

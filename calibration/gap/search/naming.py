@@ -216,7 +216,7 @@ def contains_nothing(
     Each has its 95 % interval; of three, one is outside it by chance once in seven times (Sidak, JASA 62,
     1967).
     """
-    with_neutral = [v for v in variables if final.model.nothing_new(v) is not None]
+    with_neutral = [v for v in variables if final.model.without_it(v) is not None]
     if not with_neutral:
         return False
     least = norm.isf(0.5 * (1.0 - 0.95 ** (1.0 / len(with_neutral))))

@@ -45,6 +45,8 @@ class EffectParameter:
         typical: value that an ordinary vehicle may show; the size to test a search with.
         neutral: value at which the parameter does nothing, taken when a file leaves it out; None: must be
             given.
+        absent: value with which the whole effect is not there, where a file must give one (a string without
+            stiffness); None: there is none but the neutral one.
         practical_minimum: smallest distance from the neutral value (from another value, where nothing is
             neutral) that is worth a name; below it a finding has no consequence for a flight.
         meaning: what it is.
@@ -63,6 +65,7 @@ class EffectParameter:
     meaning: str
     source: str
     neutral: float | None = None
+    absent: float | None = None
     spread: float | None = None
     grows: Mapping[str, float] = field(default_factory=dict)
 
