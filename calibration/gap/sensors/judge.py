@@ -8,12 +8,13 @@ import numpy as np
 
 from calibration.gap.data.found import FoundEffect, FoundParameter, Improvement
 from calibration.gap.data.record import FlightRecord, NotUsed
-from calibration.gap.sensors.correction import correct_flight
+from calibration.gap.sensors.correction import align, best_values, correct_flight
 from calibration.gap.sensors.flight_estimates import (
     FlightSensing,
     estimate_flights,
     pool_flights,
 )
+from calibration.gap.sensors.gyro_scale import gyro_scale
 from calibration.gap.sensors.held_out import held_out_improvement
 from calibration.gap.sensors.pooling import Pooled
 from onboard.vehicle import Vehicle
@@ -70,6 +71,8 @@ def judge_sensing(records: Sequence[FlightRecord]) -> SensingFindings:
             effects.append(_effect(name, pooled[name], gain))
         else:
             notes.append(f"{name} {_words(name, pooled[name])} does not help on other flights: not named")
+    aligned = [align(one, judged[one.name], best_values(judged[one.name], pooled)) for one in used]
+    notes += gyro_scale(aligned)
     return SensingFindings(tuple(effects), flights, pooled, broken, tuple(notes))
 
 
