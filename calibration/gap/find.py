@@ -235,7 +235,10 @@ def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> Ga
     found, proved, (first_map, last_map) = examined.found, examined.proved, examined.maps
     believed, names = proved.believed, proved.names
     chance = math.hypot(chance_floor(believed, training), own_floor(believed, len(proved.held_out)))
-    left = remaining(proved.by_names, chance, believed, last_map, question.vehicle, bool(effects))
+    left = (
+        *flown.sensing.unexplained,
+        *remaining(proved.by_names, chance, believed, last_map, question.vehicle, bool(effects)),
+    )
     sizeable = with_consequence(found.unnamed, found.final, training)
     gap = prediction_gap(proved.stages)
     return GapReport(

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration.gap.data.record import FlightRecord
+from calibration.gap.sensors import judge_sensing
 from calibration.gap.sensors.gyro_scale import gyro_scale
 
 
@@ -44,3 +45,10 @@ def test_a_gyro_that_shows_too_much_is_said(scale: float, said: int) -> None:
     sentences = gyro_scale([turning(scale, seed) for seed in range(3)])
     assert len(sentences) == said
     assert all("b_y" in sentence for sentence in sentences)
+
+
+def test_a_set_whose_gyro_shows_too_much_is_no_agreement() -> None:
+    """Whatever the model of the vehicle says of it."""
+    findings = judge_sensing([turning(1.05, seed) for seed in range(4)])
+    (sentence,) = findings.unexplained
+    assert "about b_y than the tracked body turns" in sentence

@@ -39,6 +39,7 @@ class SensingFindings:
         pooled: means over flights by effect, one per parameter (delay, or x, y, z).
         broken: flights that must not be used further.
         notes: what differs between flights, and what could not be judged, in words.
+        unexplained: disagreements of gyro and tracking that no effect says, in words.
     """
 
     effects: tuple[FoundEffect, ...]
@@ -46,6 +47,7 @@ class SensingFindings:
     pooled: Mapping[str, tuple[Pooled, ...]]
     broken: tuple[NotUsed, ...]
     notes: tuple[str, ...]
+    unexplained: tuple[str, ...]
 
 
 def judge_sensing(records: Sequence[FlightRecord]) -> SensingFindings:
@@ -72,8 +74,7 @@ def judge_sensing(records: Sequence[FlightRecord]) -> SensingFindings:
         else:
             notes.append(f"{name} {_words(name, pooled[name])} does not help on other flights: not named")
     aligned = [align(one, judged[one.name], best_values(judged[one.name], pooled)) for one in used]
-    notes += gyro_scale(aligned)
-    return SensingFindings(tuple(effects), flights, pooled, broken, tuple(notes))
+    return SensingFindings(tuple(effects), flights, pooled, broken, tuple(notes), gyro_scale(aligned))
 
 
 def apply_sensing(records: Sequence[FlightRecord], findings: SensingFindings) -> tuple[FlightRecord, ...]:
