@@ -144,6 +144,25 @@ def test_rotors_that_turn_the_other_way_are_refused_by_name(flight: Flight) -> N
     check_motor_order(prepare_flights([turned_by_a_quarter(other_way)]).records, vehicle)
 
 
+@pytest.mark.parametrize(
+    ("columns", "signs", "told"),
+    [
+        (("gy", "gx", "gz"), (1, -1, 1), "gx is about y, gy is about -x, gz is about z"),
+        (("gx", "gy", "gz"), (1, -1, -1), "gx is about x, gy is about -y, gz is about -z"),
+        (("gx", "gy", "gz"), (1, -1, 1), "gx is about x, gy is about -y, gz is about z"),
+    ],
+)
+def test_a_gyro_whose_axes_are_others_is_refused_with_which(
+    flight: Flight, columns: tuple[str, ...], signs: tuple[int, ...], told: str
+) -> None:
+    """A board that is turned by a quarter, one upside down, a sign that was lost."""
+    mounted = {
+        name: sign * flight.data[column]
+        for name, column, sign in zip(("gx", "gy", "gz"), columns, signs, strict=True)
+    }
+    assert f"the gyro's axes are not those of the tracked body: {told}." in reason(flight, **mounted)
+
+
 def test_rates_in_the_world_frame_are_refused_by_name(flight: Flight) -> None:
     heading = Rotation.from_euler("z", 1.2)
     quaternion = np.column_stack([flight.data[k] for k in ("qx", "qy", "qz", "qw")])

@@ -1,5 +1,6 @@
 """Channels that hold something else than they should: another unit, another range, another frame or order."""
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -134,6 +135,32 @@ def check_plausible(flight: Flight, record: FlightRecord) -> None:
         raise ConventionError(
             flight.source,
             "the gyro follows the rate in the world frame, not in the body's: turn it into the body frame",
+        )
+    _check_axes(flight, body, gyro)
+
+
+def _check_axes(flight: Flight, body: FloatArray, gyro: FloatArray) -> None:
+    """Refuse a `gyro`, shape (n, 3), whose axes are others than those of the tracked `body`.
+
+    Raises:
+        ConventionError: they are; the message says which.
+    """
+    missed = {
+        (order, signs): float(np.mean(np.sum((gyro - body[:, order] * signs) ** 2, axis=1)))
+        for order in itertools.permutations(range(3))
+        for signs in itertools.product((1.0, -1.0), repeat=3)
+    }
+    own = missed[(0, 1, 2), (1.0, 1.0, 1.0)]
+    order, signs = min(missed, key=lambda axes: missed[axes])
+    if missed[order, signs] < _HALF**2 * own and own > _HALF**2 * _TURNING**2:
+        columns = ", ".join(
+            f"g{name} is about {'-' if sign < 0.0 else ''}{'xyz'[axis]}"
+            for name, axis, sign in zip("xyz", order, signs, strict=True)
+        )
+        raise ConventionError(
+            flight.source,
+            f"the gyro's axes are not those of the tracked body: {columns}. Name and sign the columns of "
+            "gyro and accelerometer by the body's axes, or turn the tracked frame, whichever is wrong",
         )
 
 
