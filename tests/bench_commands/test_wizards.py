@@ -116,11 +116,15 @@ def test_thrust_is_measured_within_its_band(bench: Bench, tmp_path: Path, true_f
 
 
 def test_motors_stop_at_ctrl_c(bench: Bench, tmp_path: Path) -> None:
-    served = bench(pace=1)
-    line = command("tachometer", served, tmp_path, "--motors", "1", "--repeats", "1")
-    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as wizard:
-        until(lambda: "align-1" in steps(tmp_path), PATIENCE_S)
-        until(lambda: turning(served.ready["bench"]["hands"]), PATIENCE_S)
+    served, run_folder, said = bench(pace=1), tmp_path / "run", tmp_path / "said"
+    line = command("tachometer", served, run_folder, "--motors", "1", "--repeats", "1")
+    with (
+        said.open("w") as errors,
+        subprocess.Popen(line, stdout=subprocess.PIPE, stderr=errors, text=True) as wizard,
+    ):
+        until(lambda: "align-1" in steps(run_folder) or wizard.poll() is not None, PATIENCE_S)
+        until(lambda: turning(served.ready["bench"]["hands"]) or wizard.poll() is not None, PATIENCE_S)
+        assert wizard.poll() is None, said.read_text()
         wizard.send_signal(signal.SIGINT)
         output, _ = wizard.communicate(timeout=PATIENCE_S)
     assert wizard.returncode == 130
