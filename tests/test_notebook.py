@@ -69,6 +69,7 @@ def test_an_approach_that_cannot_be_is_not_simulated(speed: float, angle_deg: fl
         perchhw.simulate_approach(policy, speed, angle_deg)
 
 
+@pytest.mark.further
 def test_a_policy_goes_by_its_name_too() -> None:
     flights = [perchhw.simulate_approach(which, 2.5, 50.0) for which in ("default", perchhw.load_policy())]
     assert flights[0].t.size == flights[1].t.size

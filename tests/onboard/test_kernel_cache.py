@@ -147,7 +147,7 @@ def test_a_caller_on_disk_finds_what_it_calls_and_is_compiled_anew_with_it(proje
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("suffix", [pytest.param(".nbi", marks=pytest.mark.further), ".nbc"])
 def test_a_kernel_whose_file_is_damaged_is_compiled_anew(project: Path, suffix: str) -> None:
     (project / "onboard" / "pair.py").write_text(PAIR)
 
