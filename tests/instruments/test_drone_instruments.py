@@ -25,8 +25,10 @@ from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.patience import PATIENCE_S, patient_link, until
 from tests.tiers import some
 
-BUSY_S = 1.2
-"""Silence of a link whose motors are not vouched for within a time that a busy machine cannot keep."""
+BUSY_S = 4.0
+"""Silence of a link whose motors are vouched for within a time that a busy machine keeps too."""
+SHORT_S = 1.2
+"""Silence of a link whose motors want to be vouched for before a packet that was lost is sent again."""
 
 
 def reboot(uri: str) -> None:
@@ -302,7 +304,7 @@ def test_a_set_point_that_takes_longer_than_a_renewal_may_is_no_hang(drone_uri: 
 
     with (
         FaultyNetwork(int(drone_uri.rpartition(":")[2]), np.random.default_rng(4), Faults()) as network,
-        patient_link(network.uri, silence_s=BUSY_S) as link,
+        patient_link(network.uri, silence_s=SHORT_S) as link,
         unlocked(link) as stand,
     ):
         network.withheld = lose_one
