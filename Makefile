@@ -52,7 +52,7 @@ soak: $(VENV)/.dev
 	$(PYTEST) -m "soak or further or hypothesis" --hypothesis-profile soak
 	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
 	$(BIN)/python -m tests.faulty_campaign --attempts 200 --seed $(SEED)
-	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 200 --seed $(SEED)
+	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 100 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --drones 7 --seed $(SEED)
 	$(BIN)/python -m tests.mutation
 	$(BIN)/python -m tests.firmware.mutation
@@ -62,16 +62,16 @@ soak: $(VENV)/.dev
 soak-sample: sample-of-tests sample-of-flights sample-of-mutants
 
 sample-of-tests: $(VENV)/.dev
-	$(BIN)/python -m pytest -m "further and not soak" --sample 16 --sample-seed $(SEED)
+	$(BIN)/python -m pytest -m "further and not soak" --sample 10 --sample-seed $(SEED)
 
 sample-of-flights: $(VENV)/.dev
 	$(BIN)/python -m tests.faulty_campaign --attempts 1 --seed $(SEED)
-	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 2 --seed $(SEED)
-	$(BIN)/python -m tests.flight.stop_proof --stops 4 --seed $(SEED)
+	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 1 --seed $(SEED)
+	$(BIN)/python -m tests.flight.stop_proof --stops 2 --seed $(SEED)
 
 sample-of-mutants: $(VENV)/.dev
-	$(BIN)/python -m tests.mutation --sample 12 --seed $(SEED)
-	$(BIN)/python -m tests.firmware.mutation --sample 6 --seed $(SEED)
+	$(BIN)/python -m tests.mutation --sample 8 --seed $(SEED)
+	$(BIN)/python -m tests.firmware.mutation --sample 4 --seed $(SEED)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -200,6 +200,7 @@ PLAIN = """
 """
 
 
+@pytest.mark.further  # in fixtures of pytest: tests/test_pytest_lab.py
 def test_plain_code_that_sleeps_flies_in_lab_time(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(PLAIN)
     pytester.runpytest_subprocess("-W", "error", "-q", "-p", "no:cacheprovider").assert_outcomes(passed=2)

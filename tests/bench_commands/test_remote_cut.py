@@ -64,6 +64,7 @@ def test_motors_lose_their_power_when_the_wizard_dies_or_hangs(
     assert last["stopped"] - before < within_s, f"{last['stopped'] - before:.3f} s"
 
 
+@pytest.mark.further
 def test_without_a_supply_they_run_on_as_the_operator_was_told(bench: Bench, tmp_path: Path) -> None:
     served = bench(pace=1)
     hands = served.ready["bench"]["hands"]

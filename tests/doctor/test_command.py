@@ -49,7 +49,7 @@ def test_nothing_is_missing_in_the_simulated_lab_and_a_turned_subject_is(
     [
         # That poses are frozen, tests/sim_room finds by the same monitor, and tests/flight/test_attempt.py.
         pytest.param("mocap_freeze_at=0.5:1000", ["mocap"], marks=pytest.mark.soak),
-        ("mocap_occlude_at=0:1000", ["mocap", "mocap_frame"]),
+        pytest.param("mocap_occlude_at=0:1000", ["mocap", "mocap_frame"], marks=pytest.mark.further),
     ],
 )
 def test_a_stale_motion_capture_is_found(

@@ -14,6 +14,7 @@ import pytest
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.operator_signals import ending_in_order
 from tests.patience import PATIENCE_S
+from tests.tiers import some
 
 STUCK = """
 import ctypes, os, sys, threading, time
@@ -102,7 +103,7 @@ def test_a_terminal_that_closes_lands_though_its_shell_says_so_too() -> None:
     assert interrupts.count == 2
 
 
-@pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGUSR2, signal.SIGTERM])
+@pytest.mark.parametrize("number", some([signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2], 3))
 def test_before_a_flight_the_same_signals_end_the_command(number: signal.Signals, tmp_path: Path) -> None:
     """Here while it waits for the answer of a drone that is to be rebooted."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as drone:

@@ -15,6 +15,7 @@ from calibration.gap.search.doubts import with_doubts
 from onboard.vehicle import load_vehicle
 from tests.gap.mujoco_flights import CALM, flights, frame
 from tests.gap.simulated_flight import fly, up_and_down, with_noise
+from tests.tiers import some
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden, faces_of
 
@@ -27,7 +28,7 @@ def fitted(records: Sequence[FlightRecord], variable: Variable) -> tuple[Fitted,
     return refine(model, (LOG_TIMING, variable), training), training
 
 
-@pytest.mark.parametrize(("ratio", "speed_law"), [(1.0, True), (2.0, False)])
+@pytest.mark.parametrize(("ratio", "speed_law"), some([(1.0, True), (2.0, False)], 2))
 def test_a_lag_that_another_law_does_without_is_none(ratio: float, speed_law: bool) -> None:
     """As strangers' rotors: equal in speed, they looked 1.3 times as quick to slow down."""
     lab = dataclasses.replace(CALM, speed_law=speed_law)

@@ -20,7 +20,7 @@ from tests.truth import drawn
 from tests.truth.airframe import G, nominal
 from tests.truth.mujoco_room import Hidden, build, pose_lead
 
-AT_ONCE = ("motor_lag", "wind")
+AT_ONCE = ("motor_lag",)
 MOVING = [
     pytest.param(name, marks=() if name in AT_ONCE else pytest.mark.further)
     for name in drawn.EFFECTS_HERE

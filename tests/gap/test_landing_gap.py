@@ -134,6 +134,7 @@ def test_kernel_is_the_simulation(vehicle: Vehicle) -> None:
     assert trace[-1, POSITION : POSITION + 3] == pytest.approx(other["position"][0], abs=1e-9)
 
 
+@pytest.mark.further
 def test_a_vehicle_too_stiff_for_the_step_is_infinitely_unlikely(healthy: Campaign, vehicle: Vehicle) -> None:
     problems, _ = pose_problems(find_landings(healthy.flights), vehicle)
     solver = Solver(problems[:2], np.random.default_rng(1), random_starts=2, descents=1)

@@ -43,6 +43,7 @@ def test_each_motor_is_known_beside_a_scale_of_thrust() -> None:
     assert max(errors[motor] for motor in MOTORS) < 0.01
 
 
+@pytest.mark.further
 def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began() -> None:
     """Nuisances that had nothing to explain beside a name are small; its noise must not take their place."""
     model = Model(nominal(frame(), "gauge"))

@@ -16,6 +16,7 @@ from calibration.gap.search.always import LOG_TIMING, law_in_words
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle
 from tests.gap.mujoco_flights import CALM, flights, frame
+from tests.tiers import some
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden
 
@@ -34,7 +35,7 @@ def laws_of(model: Model, records: Sequence[FlightRecord]) -> tuple[np.ndarray, 
     return motor_laws(model, records, model.motion(records, model.parameters()))
 
 
-@pytest.mark.parametrize("speed_law", [True, False])
+@pytest.mark.parametrize("speed_law", some([True, False], 2))
 def test_flights_tell_the_law(speed_law: bool) -> None:
     """MuJoCo's rotors follow by their speed, or by their thrust."""
     records = flights(Hidden(), dataclasses.replace(CALM, speed_law=speed_law))

@@ -105,6 +105,7 @@ def names(findings: SensingFindings) -> list[str]:
     return [effect.name for effect in findings.effects]
 
 
+@pytest.mark.further  # with the others: test_all_at_once
 def test_delay_is_found_and_taken_out() -> None:
     records = campaign(1, delay=0.012)
     findings = judge_sensing(records)
@@ -145,6 +146,7 @@ def test_a_crash_does_not_ring_into_the_flight_before_it() -> None:
     assert np.abs(path.delay).max() <= 0.02
 
 
+@pytest.mark.further  # with the others: test_all_at_once
 def test_rotation_is_found_about_all_axes_beside_accelerometer_biases() -> None:
     truth = (0.03, -0.02, 0.015)
     records = campaign(2, rotation=truth)
@@ -165,6 +167,7 @@ def test_a_bias_that_all_accelerometers_share_is_no_rotation() -> None:
         assert flight.acceleration.bias == pytest.approx([0.3, -0.3, 0.0], abs=0.06)
 
 
+@pytest.mark.further  # with the others: test_all_at_once
 def test_offset_is_found() -> None:
     truth = (0.004, -0.008, 0.015)
     records = campaign(4, offset=truth)
@@ -177,6 +180,7 @@ def test_offset_is_found() -> None:
     assert np.sqrt(np.mean((corrected.position - ideal.position) ** 2)) < 1e-3
 
 
+@pytest.mark.further  # with the others: test_all_at_once
 def test_gyro_bias_is_found() -> None:
     truth = (0.01, 0.0, -0.02)
     findings = judge_sensing(campaign(5, bias=truth))
@@ -323,7 +327,7 @@ def test_the_integral_of_a_rate_is_the_product_of_its_steps() -> None:
     "case",
     [
         pytest.param("pose_delay", marks=pytest.mark.soak),
-        "gyro_bias",
+        pytest.param("gyro_bias", marks=pytest.mark.further),
         pytest.param("com_offset", marks=pytest.mark.soak),
         pytest.param("pose_rotation", marks=pytest.mark.soak),
         pytest.param("pose_offset", marks=pytest.mark.soak),

@@ -113,7 +113,7 @@ def test_saturation_clips_the_share_it_should(vehicle: np.ndarray) -> None:
 # --- ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", some(SHAPES, 4))
+@pytest.mark.parametrize("shape", some(SHAPES, 8))
 def test_the_loop_flies_every_shape(shape: str, flights: dict[str, HiddenFlight]) -> None:
     flight = flights[shape]
     miss = flight.states[:, :3] - flight.setpoints[:, :3]
@@ -129,7 +129,7 @@ def test_the_loop_flies_every_shape(shape: str, flights: dict[str, HiddenFlight]
     assert np.mean(flight.log[:, 13:17] >= 65534) < 0.02
 
 
-@pytest.mark.parametrize("case", some(sorted({*SINGLE} - {"motor_saturation"}), 4))
+@pytest.mark.parametrize("case", some(sorted({*SINGLE} - {"motor_saturation"}), 8))
 def test_a_strong_effect_does_not_bring_it_down(case: str, vehicle: np.ndarray) -> None:
     p = hide(case, "strong", 2, vehicle).vehicle
     shape = "near_ceiling" if case == "ceiling_effect" else "doublet_x"

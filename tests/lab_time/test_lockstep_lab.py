@@ -122,6 +122,7 @@ def test_a_process_that_dies_is_not_waited_for_and_the_watchdog_bites(when: str,
         until(lambda: link.supervisor_info().is_locked)
 
 
+@pytest.mark.further
 def test_a_factor_is_a_limit() -> None:
     with lab_at("0.5") as lab, open_timebase("test", lab.drones[0]) as lab_time:
         begin = time.monotonic()

@@ -108,6 +108,7 @@ def test_what_cannot_be_studied_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.further  # tests/report studies two designs
 def test_verb_writes_the_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["learn", "legs", "--speeds", "2.5", "--angles", "45", "--repeats", "1", "--rollouts", "2"]
     assert run(["--json", *arguments, "--out", str(tmp_path)]) == 0

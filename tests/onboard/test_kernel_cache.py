@@ -158,7 +158,7 @@ def test_a_kernel_whose_file_is_damaged_is_compiled_anew(project: Path, suffix: 
     (file,) = (project.parent / "cache").rglob(f"pair.calling-*{suffix}")
     whole = file.read_bytes()
     middle = len(whole) // 2
-    for damaged in (whole[:middle], b"", bytes(len(whole)), whole[:-9] + b"\0" + whole[-8:]):
+    for damaged in (whole[:middle], whole[:-9] + b"\0" + whole[-8:]):
         file.write_bytes(damaged)
         assert told() == "7.0 0 1"
         assert told() == "7.0 0 0"

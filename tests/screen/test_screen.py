@@ -12,6 +12,7 @@ import pytest
 from perchhw.record import read_run
 from perchhw.screen.screen import Screen
 from tests.screen.terminal import Terminal
+from tests.tiers import some
 
 Told = list[dict[str, Any]]
 Open = Callable[..., Terminal]
@@ -135,7 +136,7 @@ def test_a_terminal_that_takes_nothing(opened: Open, tmp_path: Path) -> None:
     assert terminal.ended() == -signal.SIGINT
 
 
-@pytest.mark.parametrize("key", ["\x1a", "\x1c"])
+@pytest.mark.parametrize("key", some(["\x1a", "\x1c"], 2))
 def test_what_suspends_or_kills_a_program_lands_it_and_ends_it_in_order(
     opened: Open, tmp_path: Path, key: str
 ) -> None:
