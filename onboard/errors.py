@@ -1,7 +1,8 @@
 """The one tree of errors: every error that perchhw raises on purpose derives from :class:`PerchhwError`.
 
-Each package has a base of its own (here :class:`OnboardError`). Two mixins decide how a command ends:
-:class:`InputError` (exit code 2) and :class:`SafetyStop` (exit code 3); every other error ends it with 1.
+Each package has a base of its own (here :class:`OnboardError`). Three mixins decide how a command ends:
+:class:`InputError` (exit code 2), :class:`SafetyStop` (3) and :class:`EndedByOperator` (130); every other
+error ends it with 1.
 """
 
 
@@ -15,6 +16,10 @@ class InputError(PerchhwError):
 
 class SafetyStop(PerchhwError):
     """A safety rule refused or stopped an action: the message names the rule and the measured value."""
+
+
+class EndedByOperator(PerchhwError):
+    """Whoever operates ends it here, as with Ctrl-C: nothing is wrong."""
 
 
 class OnboardError(PerchhwError):

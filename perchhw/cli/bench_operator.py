@@ -24,8 +24,9 @@ from perchhw.errors import NobodyToAsk
 if TYPE_CHECKING:
     from rich.table import Table
 
-KEYS = "[Enter] done  [r] step again  [s] skip  [b] step back  [q] pause"
-_KEYS = {"r": StepAgain, "s": StepSkipped, "b": StepBack, "q": Paused}
+_KEYS_BEFORE = "[Enter] done  [q] pause"
+_KEYS = "[Enter] done  [r] step again  [s] skip  [b] step back  [q] pause"
+_OF_STEPS = {"r": StepAgain, "s": StepSkipped, "b": StepBack}
 
 
 class TerminalOperator:
@@ -40,9 +41,11 @@ class TerminalOperator:
         self._screen = progress_console()
         self._yes = yes
         self._confirmed = tuple(confirmed)
+        self._in_steps = False
 
     def begin(self, title: str, number: int) -> None:
-        """Head of a step."""
+        """Head of a step; from the first on its keys are heard."""
+        self._in_steps = True
         self._screen.print(f"\n{number:2d}  {title}", style="bold", markup=False)
 
     def tell(self, text: str) -> None:
@@ -64,7 +67,7 @@ class TerminalOperator:
         self.tell(task.text)
         if task.noticed or self._yes:
             return {}
-        while typed := self._ask(KEYS):
+        while typed := self._ask(_KEYS if self._in_steps else _KEYS_BEFORE):
             self._key(typed)
             self.warn(f"{typed!r} is none of these keys; Enter alone says that it is done")
         return {}
@@ -131,9 +134,11 @@ class TerminalOperator:
             self.tell(f"{title}: " + ", ".join(f"{gauge.name} {gauge.text}" for gauge in last))
 
     def _key(self, typed: str) -> None:
-        kind = _KEYS.get(typed.strip().lower())
-        if kind is not None:
-            raise kind("as the operator wished; the same command goes on")
+        key = typed.strip().lower()
+        if key == "q":
+            raise Paused("paused")
+        if self._in_steps and key in _OF_STEPS:
+            raise _OF_STEPS[key]
 
     def _ask(self, prompt: str) -> str:
         if not sys.stdin.isatty():
@@ -144,7 +149,7 @@ class TerminalOperator:
         try:
             return self._screen.input(f"    {prompt}: ", markup=False).strip()
         except EOFError as error:  # Ctrl-D, or the terminal is gone
-            raise Paused("the input has ended; the same command goes on") from error
+            raise Paused("paused: the input has ended") from error
 
 
 def _parts(typed: str, question: Question) -> list[str]:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from onboard.errors import EndedByOperator
 from perchhw.cli.output import emit
-from perchhw.consoles import progress_console
+from perchhw.consoles import progress_console, say
 from perchhw.operator_signals import ending_in_order
 
 if TYPE_CHECKING:
@@ -138,7 +139,20 @@ def run_folder(out: Path | None, kind: str) -> Iterator[Path]:
         f"run: {folder} (Ctrl-C pauses; --out {folder} goes on)", markup=False, soft_wrap=True
     )
     try:
-        yield folder
+        with told_what_is_kept(folder):
+            yield folder
     finally:
         if out is None:
             discard_if_empty(folder)
+
+
+@contextmanager
+def told_what_is_kept(folder: Path) -> Iterator[None]:
+    """Who ends a run before its end is told what is kept in its folder, and how to go on."""
+    try:
+        yield
+    except (EndedByOperator, KeyboardInterrupt):
+        kept = folder.is_dir() and any(folder.iterdir())
+        on = f"the steps that are done are kept: the same command with --out {folder} goes on"
+        say(progress_console(), on if kept else "no step is done yet: the same command begins anew")
+        raise

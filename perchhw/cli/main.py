@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from onboard.errors import InputError, PerchhwError, SafetyStop
+from onboard.errors import EndedByOperator, InputError, PerchhwError, SafetyStop
 from perchhw.cli import exit_codes
 from perchhw.cli.finite_numbers import with_finite_numbers
 from perchhw.cli.output import emit_error, settings, written
@@ -167,6 +167,8 @@ def _told(ended: SystemExit | KeyboardInterrupt | PerchhwError) -> int:
     """Say how a verb ended, and give its exit code."""
     if isinstance(ended, KeyboardInterrupt):
         return _ended_by("interrupted", exit_codes.INTERRUPTED)
+    if isinstance(ended, EndedByOperator):
+        return _ended_by(str(ended), exit_codes.INTERRUPTED)
     if isinstance(ended, PerchhwError):
         return _ended_by(f"error: {ended}", _exit_code(ended))
     code = ended.code if isinstance(ended.code, int) else exit_codes.DONE

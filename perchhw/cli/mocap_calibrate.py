@@ -8,10 +8,10 @@ import typer
 
 from onboard.json_file import as_json
 from perchhw.cli import exit_codes
+from perchhw.cli.bench_options import told_what_is_kept
 from perchhw.cli.lab_options import LabDrone
 from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
-from perchhw.consoles import progress_console, say
 
 if TYPE_CHECKING:
     from perchhw.mocap_calibration.result import RoomFound
@@ -91,12 +91,9 @@ def calibrate(
             f"{out}: this calibration is finished and written; give another --out for a new one, or "
             "--dry-run to read it again"
         )
-    try:
-        with Lines() as lines:  # the steps before the flight are asked for in lines, too
-            found, record = calibrate_room(plan, book, confirmation(yes, lines), lines)
-    except KeyboardInterrupt:
-        say(progress_console(), f"the steps that are done are kept in {out}: the same command goes on")
-        raise
+    # The steps before the flight are asked for in lines, too.
+    with told_what_is_kept(out), Lines() as lines:
+        found, record = calibrate_room(plan, book, confirmation(yes, lines), lines)
     if not dry_run:
         shutil.copyfile(before.file, out / "lab-before.toml")
         put_measured(Path(before.file), found.lab(before, plan.source), LIMITS)

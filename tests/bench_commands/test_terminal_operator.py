@@ -3,11 +3,16 @@
 import os
 import pty
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from calibration.bench.procedures.operator import Paused, Question, StepAgain, Task
+from calibration.bench.procedures.run_book import RunBook
 from perchhw.cli.bench_operator import TerminalOperator
+from perchhw.cli.bench_options import run_folder
+from perchhw.cli.exit_codes import INTERRUPTED
+from perchhw.cli.main import run
 
 CTRL_D = b"\x04"
 
@@ -24,18 +29,37 @@ def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 
 def test_only_enter_says_that_a_task_is_done(keyboard: int, capsys: pytest.CaptureFixture[str]) -> None:
     os.write(keyboard, b"x\nrr\n\n")
-    TerminalOperator().do(Task("power", "Put the battery in."))
+    operator = TerminalOperator()
+    operator.begin("Power", 1)
+    operator.do(Task("power", "Put the battery in."))
     said = capsys.readouterr().err
     assert "'x' is none of these keys" in said
     assert "'rr' is none of these keys" in said
     os.write(keyboard, b"x\nR\n")
     with pytest.raises(StepAgain):
-        TerminalOperator().do(Task("power", "Put the battery in."))
+        operator.do(Task("power", "Put the battery in."))
+
+
+def test_who_pauses_is_told_how_to_go_on(
+    keyboard: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.write(keyboard, b"r\nq\n")
+    assert run(["calibrate", "bifilar", "--drone", "udp://127.0.0.1:1"]) == INTERRUPTED
+    said = " ".join(capsys.readouterr().err.split())
+    assert "'r' is none of these keys" in said  # no step has begun that could be done again
+    assert "error" not in said
+    assert said.endswith("no step is done yet: the same command begins anew paused")
+    folder = tmp_path / "run"
+    RunBook(folder, "bifilar", {}, TerminalOperator()).step("weigh", "Weigh it", dict)
+    with pytest.raises(Paused), run_folder(folder, "bifilar"):
+        raise Paused("paused")
+    assert f"the same command with --out {folder} goes on" in " ".join(capsys.readouterr().err.split())
 
 
 def test_the_end_of_the_input_pauses(keyboard: int) -> None:
     os.write(keyboard, CTRL_D)
-    with pytest.raises(Paused, match="the same command goes on"):
+    with pytest.raises(Paused, match="the input has ended"):
         TerminalOperator().do(Task("power", "Put the battery in."))
     os.write(keyboard, CTRL_D)
     with pytest.raises(Paused):

@@ -11,10 +11,10 @@ from enum import Enum
 from typing import Any, Protocol
 
 from calibration.errors import CalibrationError
-from onboard.errors import InputError, SafetyStop
+from onboard.errors import EndedByOperator, InputError, SafetyStop
 
 
-class Paused(CalibrationError):
+class Paused(CalibrationError, EndedByOperator):
     """The operator stops here; everything recorded is kept, and the same command goes on later."""
 
 
