@@ -8,6 +8,7 @@ from pathlib import Path
 
 from onboard.errors import InputError
 from onboard.lab_file import (
+    LAB_FILE,
     Ceiling,
     LabDrone,
     LabFile,
@@ -65,7 +66,7 @@ class LabDescription:
         """
         if self._chosen is None:
             self._folder = Path(tempfile.mkdtemp(prefix="perchhw-lab-"))
-            path = self._folder / "lab.toml"
+            path = self._folder / LAB_FILE
         else:
             self.require_free()
             path = self._chosen.absolute()

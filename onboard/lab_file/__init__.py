@@ -15,6 +15,7 @@ from onboard.lab_file.bounds import (
 )
 from onboard.lab_file.measured import put_measured
 from onboard.lab_file.model import (
+    LAB_FILE,
     SCHEMA,
     Ceiling,
     LabDrone,
@@ -34,6 +35,7 @@ from onboard.lab_file.writer import lab_to_toml, write_lab_file
 __all__ = [
     "CEILING_HEIGHT",
     "CEILING_TILT",
+    "LAB_FILE",
     "LATENCY",
     "OFFSET",
     "SCHEMA",

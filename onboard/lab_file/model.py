@@ -14,6 +14,8 @@ from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 
 SCHEMA = "perchhw.lab/1"
+LAB_FILE = Path("lab.toml")
+"""The lab file of the working folder: the one that counts where none is given."""
 PLAIN_SOURCE = "lab file"
 """Source of a quantity that is written as a plain number."""
 

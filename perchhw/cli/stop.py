@@ -26,9 +26,6 @@ from perchhw.cli.environment import DRONE_VARIABLE, LAB_VARIABLE
 from perchhw.cli.output import emit, written
 from perchhw.operator_signals import known
 
-LAB_FILE = Path("lab.toml")
-"""The lab file of a folder."""
-
 NOTED_WITHIN_S = 5.0
 """How long the end of the command waits for the note that it leaves to those who fly."""
 
@@ -91,7 +88,7 @@ def drones_to_stop(drone: Sequence[str], lab: Path | None) -> tuple[list[str], s
     """
     if drone:
         return list(dict.fromkeys(drone)), ""
-    from onboard.lab_file import LabFileError, drone_addresses
+    from onboard.lab_file import LAB_FILE, LabFileError, drone_addresses
 
     usual = [uri] if (uri := os.environ.get(DRONE_VARIABLE)) else []
     if lab is None and not LAB_FILE.exists():

@@ -6,14 +6,12 @@ from pathlib import Path
 
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
-from onboard.lab_file import LabFile, LabFileError, drone_addresses, read_lab_file
+from onboard.lab_file import LAB_FILE, LabFile, LabFileError, drone_addresses, read_lab_file
 from onboard.lab_time import TimeAddress
 from onboard.link.uri import check_drone_uri
 from onboard.policy.files import find_policy, load_policy
 from onboard.vehicle import load_vehicle
 from perchhw.lab.flying import LIMITS
-
-LAB_FILE = Path("lab.toml")
 
 
 def find_lab(given: Path | None) -> LabFile | None:
