@@ -77,7 +77,7 @@ class CsvFile:
         """Column `name` of `rows` (default all) as numbers, NaN for the texts in `missing`.
 
         Raises:
-            PerchhwError: no such column, or a cell that is no number.
+            PerchhwError: no such column or two, or a cell that is no number.
         """
         index = self.index(name)
         chosen = self.rows if rows is None else rows
@@ -137,9 +137,15 @@ class CsvFile:
         return t
 
     def index(self, name: str) -> int:
-        """Position of the column `name`."""
+        """Position of the column `name`.
+
+        Raises:
+            PerchhwError: no such column, or two.
+        """
         if name not in self.header:
             raise self.error(f"{self.path}: no column {name!r}; found {', '.join(self.header)}")
+        if self.header.count(name) > 1:
+            raise self.error(f"{self.path} row 1: column given twice: {name}; leave the one that counts")
         return self.header.index(name)
 
     def number(self, row: CsvRow, index: int, missing: Sequence[str]) -> float:

@@ -50,6 +50,11 @@ def _read(file: TextIO, path: Path) -> Float32Array:
             f"{path}: line 1: column {', '.join(missing)} is missing; the first line must name tau, theta_x "
             f"and d_ceil (found: {found})"
         )
+    repeated = [name for name in STATE_COLUMNS if header.count(name) > 1]
+    if repeated:
+        raise StateTableError(
+            f"{path}: line 1: column given twice: {', '.join(repeated)}; leave the one that counts"
+        )
     columns = [header.index(name) for name in STATE_COLUMNS]
     numbers = []
     for row in rows:

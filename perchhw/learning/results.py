@@ -168,6 +168,11 @@ def _reference_columns(path: Path) -> tuple[str, str, str]:
         header = next(csv.reader(file), [])
     for names in _REFERENCE_COLUMNS:
         if set(names) <= set(header):
+            repeated = [name for name in names if header.count(name) > 1]
+            if repeated:
+                raise LearningInputError(
+                    f"{path}: line 1: column given twice: {', '.join(repeated)}; leave the one that counts"
+                )
             return names
     wanted = " or ".join(", ".join(names) for names in _REFERENCE_COLUMNS)
     raise LearningInputError(f"{path}: line 1: the columns {wanted} are missing")

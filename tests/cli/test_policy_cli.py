@@ -66,6 +66,7 @@ def test_eval_of_the_flown_policy(shared_data, tmp_path, states, capsys):
         ("tau,theta_x,d_ceil\n0.2,1,0.5\n0.2,fast,0.5\n", ["line 3", "theta_x", "fast"]),
         ("tau,theta_x,d_ceil\n0.2,1,\n", ["line 2", "d_ceil"]),
         ("tau,theta_x,d_ceil\n0.2,1\n", ["line 2", "d_ceil", "missing"]),
+        ("tau,theta_x,d_ceil,tau\n0.2,1,0.5,0.3\n", ["line 1", "given twice: tau"]),
         ("tau,theta_x,d_ceil\nnan,1,1\n", ["line 2", "tau", "nan"]),
     ],
 )

@@ -57,6 +57,7 @@ def test_comments_count_as_lines_and_a_byte_order_mark_does_not_matter(tmp_path:
         (b"", "empty first row"),
         (b"x,n\n1\n", "row 2: 1 cells where the header has 2"),
         (b"x,n\n1,\xff\n", "cannot be read after row 1"),
+        (b"n,x,n\n1,2,3\n", "row 1: column given twice: n"),
         (f"n\n{2**63}\n".encode(), "row 2 column 'n': '9223372036854775808' is too large"),
     ],
 )

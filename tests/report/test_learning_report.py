@@ -227,6 +227,7 @@ def test_an_empty_sweep_is_refused(copy_of_learned: Path) -> None:
     ("content", "message"),
     [
         ("a,b\n1,2\n", "columns"),
+        ("speed_m_s,angle_deg,speed_m_s,landing_rate\n2,40,3,0.8\n", "given twice: speed_m_s"),
         ("speed_m_s,angle_deg,landing_rate\n2,40,80\n", "rate of 80"),
         ("speed_m_s,angle_deg,landing_rate\n2,40,\n", "no row with"),
     ],
