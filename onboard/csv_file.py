@@ -83,8 +83,10 @@ class CsvFile:
         chosen = self.rows if rows is None else rows
         return np.array([self.number(row, index, missing) for row in chosen], dtype=np.float64)
 
-    def finite(self, name: str, rows: Sequence[CsvRow] | None = None) -> FloatArray:
-        """Column `name` of `rows` (default all), every cell a finite number.
+    def finite(
+        self, name: str, rows: Sequence[CsvRow] | None = None, largest: float = math.inf
+    ) -> FloatArray:
+        """Column `name` of `rows` (default all), every cell a finite number, none beyond +-`largest`.
 
         Raises:
             PerchhwError: no such column, or another cell.
@@ -94,6 +96,10 @@ class CsvFile:
         for row in np.flatnonzero(~np.isfinite(values))[:1]:
             text = chosen[row].cells[self.index(name)].strip()
             raise self.problem(chosen[row], name, f"{text!r} is not a finite number")
+        for row in np.flatnonzero(np.abs(values) > largest)[:1]:
+            text = chosen[row].cells[self.index(name)].strip()
+            what = f"{text!r} is beyond {largest:g}, which nothing reads; correct it or leave the row out"
+            raise self.problem(chosen[row], name, what)
         return values
 
     def integers(self, name: str) -> NDArray[np.int64]:

@@ -65,6 +65,7 @@ def test_reset_splits(tmp_path: Path) -> None:
         ("t_us,edge_count\n1,2,3\n", "row 2: 3 cells"),
         ("time,omega\n0,nan\n1,2\n", "row 2 column 'omega': 'nan' is not a finite number"),
         ("time,omega\n0,1\n1,-2\n", "negative speed"),
+        ("time,omega\n0,1\n1,1e300\n", "row 3 column 'omega': '1e300' is beyond 100000"),
         ("time,omega\n1,1\n0,2\n", "time goes back"),
         ("time,omega\n1,1\n", "at least two"),
         ("a,b\n1,1\n", "is not of a tachometer"),

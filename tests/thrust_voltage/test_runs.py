@@ -163,6 +163,19 @@ def test_one_point_that_strays_is_told_and_scatter_is_not(name: str, seed: int) 
     assert "the point at 0.000 V" in told[0].text
 
 
+def test_a_point_far_below_zero_strays_and_one_that_nothing_reads_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    rows = [f"{volt},{2.0 * volt * volt:.3f}" for volt in np.arange(1.0, 3.8, 0.2)]
+    path.write_text("\n".join(["voltage,thrust", *rows, "2.1,-1000"]))
+    (told,) = [one for one in analyse(read_table(path)).findings if one.code == "stray_point"]
+    assert "the point at 2.100 V" in told.text
+    refused = {"2.1,1e300": "'thrust': '1e300' is beyond 1e", "-1,2": "'voltage': -1 V is below 0"}
+    for row, words in refused.items():
+        path.write_text("\n".join(["voltage,thrust", row, *rows]))
+        with pytest.raises(ThrustTableError, match=f"row 2 column {words}"):
+            read_table(path)
+
+
 def test_a_voltage_below_zero_is_refused_by_its_row(tmp_path: Path) -> None:
     run = table()
     board = run.board.copy()

@@ -28,6 +28,8 @@ LEGACY_HEADER = ("time", "omega")
 WRAP_US = 1 << 32
 """micros() of an Arduino starts again after 71.6 min."""
 _MOST_COMMAND = 65535
+_FASTEST = 1e5
+"""rad/s: thirty times what the motors of small drones reach."""
 _LONGEST_PAUSE = 3600.0
 """s without anything: no motor rests so long between two steps; a clock that jumps does."""
 
@@ -36,8 +38,8 @@ def read_tachometer(path: Path) -> EdgeRecord | WindowRecord:
     """A recording in any of the formats, told apart by its header.
 
     Raises:
-        TachometerError: not readable, an unknown header, or a cell that is no number or a time that jumps,
-            by file and row.
+        TachometerError: not readable, an unknown header, or a cell that is no number, a speed that no motor
+            has or a time that jumps, by file and row.
     """
     table = read_csv(path, TachometerError)
     if table.header == EDGE_HEADER:
@@ -48,7 +50,7 @@ def read_tachometer(path: Path) -> EdgeRecord | WindowRecord:
         if len(table.rows) < 2:
             raise TachometerError(f"{path}: {len(table.rows)} samples; a recording has at least two")
         _refuse_jump(table, "time", table.finite("time"))
-        return WindowRecord(table.finite("time"), table.finite("omega"), name=path.name)
+        return WindowRecord(table.finite("time"), table.finite("omega", largest=_FASTEST), name=path.name)
     known = " or ".join(repr(",".join(names)) for names in (EDGE_HEADER, LEGACY_HEADER))
     raise TachometerError(
         f"{path}: header {','.join(table.header)!r} is not of a tachometer; expected {known}"

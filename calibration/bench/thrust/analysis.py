@@ -21,6 +21,7 @@ from calibration.bench.thrust.raw_table import RAW_HEADER, RawTable, read_raw, t
 from calibration.bench.thrust.thrust_result import ThrustResult
 from calibration.bench.thrust.units import (
     FORCE_UNITS,
+    LARGEST_READING,
     VOLTAGE_UNITS,
     Units,
     command_questions,
@@ -70,8 +71,11 @@ def read_table(
 
 
 def _points(table: CsvFile, units: Units) -> ThrustData:
-    voltage = table.finite("voltage") * VOLTAGE_UNITS[units.voltage]
-    thrust = table.finite("thrust") * FORCE_UNITS[units.force] / float(units.motors or 1)
+    voltage = table.finite("voltage", largest=LARGEST_READING) * VOLTAGE_UNITS[units.voltage]
+    for index in np.flatnonzero(voltage < 0.0)[:1]:
+        raise table.problem(table.rows[index], "voltage", f"{voltage[index]:g} V is below 0")
+    total = table.finite("thrust", largest=LARGEST_READING) * FORCE_UNITS[units.force]
+    thrust = total / float(units.motors or 1)
     name = table.path.name
     return ThrustData(name, f"table {name}", voltage, thrust, interleaved(voltage.size))
 

@@ -136,7 +136,7 @@ def _text_log_voltage(p: FloatArray, f: FloatArray) -> FloatArray:
 
 
 def _text_log_start(v: FloatArray, f: FloatArray) -> FloatArray:
-    level, slope = _line(np.log(f + 3.0), v)
+    level, slope = _line(np.log(np.maximum(f + 3.0, 1.0)), v)  # also of a point that strays below zero
     return np.array([np.log(max(slope, 1e-2)), np.log(3.0), level])
 
 

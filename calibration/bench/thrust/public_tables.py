@@ -3,6 +3,7 @@
 import numpy as np
 
 from calibration.bench.thrust.data import ThrustData
+from calibration.bench.thrust.units import LARGEST_READING
 from onboard.arrays import FloatArray
 from onboard.csv_file import CsvFile
 from onboard.gravity import GRAM_FORCE
@@ -21,9 +22,9 @@ def bitcraze_2015(table: CsvFile) -> ThrustData:
 
     The duty is the table's, corrected where it has a typo; rows at rest do not enter.
     """
-    total = table.finite("thrust_g")
-    volt = table.finite("volt")
-    percent = table.finite("pwm_pct_fixed")
+    total, volt, percent = (
+        table.finite(name, largest=LARGEST_READING) for name in ("thrust_g", "volt", "pwm_pct_fixed")
+    )
     turning = total > 0.0
     return ThrustData(
         name=table.path.name,
@@ -36,8 +37,7 @@ def bitcraze_2015(table: CsvFile) -> ThrustData:
 
 def foerster(table: CsvFile) -> ThrustData:
     """Foerster's points, digitised: command 0..65535, thrust of one motor in N; supply taken as 4.0 V."""
-    command = table.finite("cmd")
-    thrust = table.finite("thrust_N")
+    command, thrust = (table.finite(name, largest=LARGEST_READING) for name in ("cmd", "thrust_N"))
     # A digitised point that falls behind those of lower commands lies where the figure's curve ends.
     turning = (command > _IDLE_COMMAND) & (thrust >= np.maximum.accumulate(thrust))
     return ThrustData(

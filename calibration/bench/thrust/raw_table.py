@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from calibration.bench.thrust.data import ThrustData
 from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.pwm import applied_duty
-from calibration.bench.thrust.units import FORCE_UNITS, VOLTAGE_UNITS, Units
+from calibration.bench.thrust.units import FORCE_UNITS, LARGEST_READING, VOLTAGE_UNITS, Units
 from onboard.arrays import BoolArray, FloatArray
 from onboard.csv_file import CsvFile, write_csv
 
@@ -87,7 +87,8 @@ def read_raw(table: CsvFile, units: Units) -> RawTable:
         ThrustTableError: an unknown kind, a cell that is no number, a command or a voltage below 0.
     """
     kinds = table.text("kind")
-    values = {name: table.finite(name) for name in RAW_HEADER if name != "kind"}
+    values = {name: table.finite(name) for name in ("t_s", "block", "command", "motors")}
+    values |= {name: table.finite(name, largest=LARGEST_READING) for name in ("supply_v", "board_v", "scale")}
     for row, kind, command, turning in zip(
         table.rows, kinds, values["command"], values["motors"], strict=True
     ):

@@ -16,6 +16,8 @@ from onboard.gravity import GRAM_FORCE
 FORCE_UNITS = {"g": GRAM_FORCE, "N": 1.0, "oz": 28.349523125 * GRAM_FORCE, "kg": 1e3 * GRAM_FORCE}
 """N of one unit of a scale's reading."""
 VOLTAGE_UNITS = {"V": 1.0, "mV": 1e-3}
+LARGEST_READING = 1e6
+"""Of a scale or a voltmeter in any of these units."""
 FULL_SCALES = (65535, 255, 100, 1)
 """Commands at full power that tables use."""
 
