@@ -248,7 +248,20 @@ def test_discharge_is_verified_and_saturation_reported() -> None:
     assert discharge_figure(run, result).axes
     off = verify(discharge(error=-0.08))
     assert not off.passed
-    assert off.findings[0].code == "compensation_off"
+    assert [finding.code for finding in off.findings if finding.severity is Severity.WARNING] == [
+        "compensation_off"
+    ]
+
+
+@pytest.mark.parametrize(("chosen", "told"), [(slice(0, 4), "3 settled"), (slice(0, 40), "38 settled")])
+def test_too_few_readings_or_one_voltage_do_not_pass(chosen: slice, told: str) -> None:
+    run = discharge()
+    columns = {one.name: getattr(run, one.name)[chosen] for one in dataclasses.fields(run)}
+    result = verify(Discharge(**columns))
+    assert not result.passed
+    (finding,) = result.findings
+    assert finding.code == "short_discharge"
+    assert told in finding.text
 
 
 def test_discharge_files(tmp_path: Path) -> None:
