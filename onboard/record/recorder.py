@@ -52,12 +52,13 @@ class DiskNearlyFull(RecordError, SafetyStop):
 
 
 def require_space(folder: Path) -> None:
-    """Refuse a folder on a disk that would be full before a flight is over.
+    """Refuse a folder, made or not, on a disk that would be full before a flight is over.
 
     Raises:
         DiskNearlyFull: with the figure.
     """
-    free = shutil.disk_usage(folder).free
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    free = shutil.disk_usage(there).free
     if free < SPACE:
         raise DiskNearlyFull(
             f"{folder}: disk_free: {free / 1e6:.0f} MB, need at least {SPACE / 1e6:.0f} MB for the record "

@@ -61,7 +61,6 @@ def fly(
     from dataclasses import replace
 
     from onboard.link.exclusive import hold
-    from onboard.record.recorder import require_space
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import check_attempt, fly_attempt
     from perchhw.flight.ground_station import Listeners, ground_station
@@ -80,7 +79,6 @@ def fly(
     result: AttemptResult | None = None
     try:
         checked = check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
-        require_space(request.folder)
         with (
             hold(setup.drone),
             ground_station(mavlink) as listener,

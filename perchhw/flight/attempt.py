@@ -11,6 +11,7 @@ from onboard.link import DroneLink
 from onboard.link.uri import check_drone_uri
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import find_policy, load_policy
+from onboard.record.recorder import require_space
 from onboard.timebase import Queue, Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
@@ -47,7 +48,7 @@ def check_attempt(request: AttemptRequest, dry_run: bool = False) -> CheckedAtte
 
     Raises:
         PerchhwError: unusable addresses, policy or vehicle, hardware without a lab file, parts that do not
-            belong together, or an approach that does not fit the room.
+            belong together, an approach that does not fit the room, or a disk without room for the record.
     """
     check_drone_uri(request.drone)
     parse_mocap_uri(request.mocap)
@@ -57,6 +58,7 @@ def check_attempt(request: AttemptRequest, dry_run: bool = False) -> CheckedAtte
     fit = fit_of(request, policy, vehicle)
     fit.require(request.accept_mismatch)
     bundle = encode_bundle(policy)
+    require_space(request.folder)
     return CheckedAttempt(vehicle, fit, bundle, plan_attempt(request, bundle_crc32(bundle), dry_run))
 
 

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from onboard.errors import InputError, PerchhwError
+from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy
+from onboard.record import recorder
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, known_leg_designs, load_vehicle
 from perchhw.attempt import STORED_VEHICLE
@@ -102,6 +103,14 @@ def test_nobody_is_asked_before_it_fits(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no legs.*\n.*\n.*--accept-mismatch"):
         fly_attempt(replace(REQUEST, vehicle="crazyflie21-stock", folder=tmp_path / "run"))
     assert not (tmp_path / "run").exists()
+
+
+def test_nobody_is_asked_where_the_record_has_no_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder, "SPACE", 10**17)
+    with pytest.raises(SafetyStop, match=r"disk_free: \d+ MB, need at least"):
+        check_attempt(replace(REQUEST, folder=tmp_path / "not made" / "run"))
 
 
 def test_what_was_checked_is_what_flies_whatever_becomes_of_its_file(tmp_path: Path) -> None:
