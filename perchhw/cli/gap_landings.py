@@ -81,9 +81,19 @@ def landings_command(
         found = forecast(prepared, model, lambda share: simulated(share, 1.0))
     report = landing_report(prepared, found, real, model.name, seed, refused)
     if search:
-        with share_done("searching") as searched:
-            report = search_report(report, model, lambda share: searched(share, 1.0))
-    written = None if out is None else _write(report, model, out)
+        try:
+            with share_done("searching") as searched:
+                report = search_report(report, model, lambda share: searched(share, 1.0))
+        except KeyboardInterrupt:
+            _give(report, model, out)
+            say(progress_console(), "the search was not finished: this is what is known without it")
+            raise
+    _give(report, model, out)
+
+
+def _give(report: "LandingReport", vehicle: "Vehicle", out: Path | None) -> None:
+    """Write what was found, and tell it."""
+    written = None if out is None else _write(report, vehicle, out)
     emit(report, lambda: _tell(report, written))
 
 

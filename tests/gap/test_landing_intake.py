@@ -3,7 +3,9 @@
 import json
 import re
 import shutil
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -190,3 +192,26 @@ def test_flights_that_nobody_classified_are_told_where_to_say_it(
     (said,) = json.loads(capsys.readouterr().out)["says"]
     assert "of 2 flights are classified, and a score needs 4" in said
     assert "labels.csv" in said
+
+
+def test_a_search_that_is_interrupted_leaves_the_forecast(
+    day: list[Flight], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    @contextmanager
+    def ctrl_c_while_searching(what: str) -> Iterator[Callable[[float, float], None]]:
+        if what == "searching":
+            signal.raise_signal(signal.SIGINT)
+        yield lambda *_: None
+
+    monkeypatch.setattr("perchhw.cli.gap_landings.share_done", ctrl_c_while_searching)
+    for flight in day[:4]:
+        shutil.copy(flight.source, tmp_path)
+    rows = [f"{flight.source.name},four_leg" for flight in day[:4]]
+    (tmp_path / "labels.csv").write_text("\n".join(["file,outcome", *rows]) + "\n")
+    command = ["--json", "gap", "landings", "--data", str(tmp_path), "--vehicle", VEHICLE, "--draws", "20"]
+    assert run([*command, "--search", "--out", str(tmp_path / "out")]) == 130
+    told = capsys.readouterr()
+    said = json.loads(told.out)
+    assert len(said["flights"]) == 4
+    assert json.loads((tmp_path / "out" / "landings.json").read_text()) == said
+    assert "the search was not finished" in told.err
