@@ -1,7 +1,8 @@
 """Flights as a plain table: ``t,x,y,z,qx,qy,qz,qw`` and any further channels, CSV or CSV.gz, SI units.
 
 Also reads the truth files of ``perchhw sim lab --truth`` (rates named ``wx,wy,wz`` and a column ``drone``).
-An empty cell is a missing value.
+A column ``pose_source`` says where the pose comes from (:class:`PoseSource`), unless from motion capture. An
+empty cell is a missing value.
 """
 
 from pathlib import Path
@@ -24,14 +25,15 @@ from onboard.csv_file import CsvFile, read_csv
 
 _REQUIRED = ("t", *POSE_CHANNELS)
 _ALIASES = {"wx": "gx", "wy": "gy", "wz": "gz"}
-_DRONE = "drone"
+_DRONE, _POSE_SOURCE = "drone", "pose_source"
+_NO_CHANNELS = frozenset({"t", _DRONE, _POSE_SOURCE})
 _NORM_TOLERANCE = 0.05
 _FLIPPING = 0.5  # cosine of the tilt beyond which the vehicle is taken to flip
 
 
 def is_table(header: tuple[str, ...]) -> bool:
     """Whether a CSV header is of this format."""
-    return set(_REQUIRED) <= set(header) and all(_channel(n) in {*CHANNELS, "t", _DRONE} for n in header)
+    return set(_REQUIRED) <= set(header) and all(_channel(n) in {*CHANNELS, *_NO_CHANNELS} for n in header)
 
 
 def load_table(path: Path) -> Flight:
@@ -50,15 +52,14 @@ def _flight(file: CsvFile) -> Flight:
     if len(file.rows) < 2:
         raise UnusableFlightError(path, f"only {len(file.rows)} data rows")
     t = file.time()
-    data = {_channel(n): file.column(n) for n in file.header if n not in ("t", _DRONE)}
+    data = {_channel(n): file.column(n) for n in file.header if n not in _NO_CHANNELS}
     _check_quaternion(file, data)
-    truth = "legs_attached" in data
     trigger, notes = _trigger(t, data)
     return Flight(
         name=path.name.removesuffix(".gz").removesuffix(".csv"),
         source=path,
         format="table",
-        pose_source=PoseSource.TRUTH if truth else PoseSource.MOCAP,
+        pose_source=_pose_source(file),
         t=t,
         data=data,
         valid=finite_masks(data),
@@ -67,6 +68,22 @@ def _flight(file: CsvFile) -> Flight:
         session=str(path.parent),
         notes=(*notes, *([file.torn] if file.torn else [])),
     )
+
+
+def _pose_source(file: CsvFile) -> PoseSource:
+    """What the table says; without a word motion capture, or the truth where it has what only a simulation
+    knows."""
+    said = file.text(_POSE_SOURCE) if _POSE_SOURCE in file.header else [""] * len(file.rows)
+    for row, name in zip(file.rows, said, strict=True):
+        if name not in {"", *PoseSource}:
+            raise file.problem(row, _POSE_SOURCE, f"{name!r} is none of {', '.join(PoseSource)}")
+    found = {PoseSource(name) for name in said if name}
+    if len(found) > 1:
+        raise FlightFileError(
+            f"{file.path} column {_POSE_SOURCE!r}: {len(found)} sources in one table; give one file for each"
+        )
+    usual = PoseSource.TRUTH if "legs_attached" in file.header else PoseSource.MOCAP
+    return found.pop() if found else usual
 
 
 def _ceiling(data: dict[str, FloatArray]) -> float | None:
@@ -85,7 +102,7 @@ def _channel(name: str) -> str:
 def _check_header(file: CsvFile) -> None:
     for name in _REQUIRED:
         file.index(name)
-    unknown = [n for n in file.header if _channel(n) not in {*CHANNELS, "t", _DRONE}]
+    unknown = [n for n in file.header if _channel(n) not in {*CHANNELS, *_NO_CHANNELS}]
     if unknown:
         raise FlightFileError(f"{file.path} row 1: unknown column {', '.join(unknown)}; see docs/records.md")
     repeated = {n for n in file.header if [_channel(m) for m in file.header].count(_channel(n)) > 1}

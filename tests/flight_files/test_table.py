@@ -103,6 +103,15 @@ def test_truth_files_of_the_lab_are_tables(tmp_path: Path) -> None:
         open_flight(path)
 
 
+def test_a_table_says_that_its_pose_is_the_onboard_estimate(tmp_path: Path) -> None:
+    rows = ("0,1,2,3,0,0,0,1,onboard_estimate", "0.1,1,2,3,0,0,0,1,", "0.2,1,2,3,0,0,0,1,onboard_est")
+    path = write(tmp_path / "a.csv", f"{HEADER},pose_source", *rows[:2])
+    assert open_flight(path).pose_source is PoseSource.ONBOARD_ESTIMATE
+    path.write_text("\n".join([f"{HEADER},pose_source", *rows]))  # cut off while it was written
+    flight = open_flight(path)
+    assert (flight.pose_source, flight.t.size) == (PoseSource.ONBOARD_ESTIMATE, 2)
+
+
 @pytest.mark.parametrize(
     ("header", "rows", "message"),
     [
@@ -114,6 +123,16 @@ def test_truth_files_of_the_lab_are_tables(tmp_path: Path) -> None:
         (HEADER + ",speed", ("0,0,0,0,0,0,0,1,1",), "unknown column speed"),
         (HEADER + ",gx,wx", ("0,0,0,0,0,0,0,1,1,1",), "column given twice"),
         ("t,x,y,z", ("0,0,0,0",), "no column 'qx'"),
+        (
+            HEADER + ",pose_source",
+            ("0,0,0,0,0,0,0,1,mocap", "1,0,0,0,0,0,0,1,ekf"),
+            "row 3 column 'pose_source': 'ekf' is none of mocap, onboard_estimate, truth",
+        ),
+        (
+            HEADER + ",pose_source",
+            ("0,0,0,0,0,0,0,1,mocap", "1,0,0,0,0,0,0,1,onboard_estimate"),
+            "2 sources in one table",
+        ),
     ],
 )
 def test_errors_name_row_and_column(tmp_path: Path, header: str, rows: tuple[str, ...], message: str) -> None:
