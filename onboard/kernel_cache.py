@@ -7,6 +7,9 @@ of its own for each state of the source, an update compiles anew, once.
 The source of the kernels is found, not listed: the files that import numba or one of the two ``jit.py``,
 and all of ours that these import in turn, for a kernel takes functions and constants from there. Commands
 without kernels do not look for it: the rule is applied where numba is imported.
+
+In the place of a folder that cannot be written numba would take one beside the source, and go by time stamps
+again: the process and those that it starts get a folder of their own then, for as long as it runs.
 """
 
 import hashlib
@@ -21,8 +24,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import IO
 
-from onboard.user_cache import user_cache
+from onboard.user_cache import cache_for_compiled, user_cache
 
 try:
     import fcntl
@@ -35,6 +39,9 @@ KEPT = 4
 """States of the source whose kernels are kept beside the present one, for those who switch branches."""
 
 VARIABLE = "NUMBA_CACHE_DIR"
+
+_ASK_EVERY_S = 0.05
+"""How often somebody who waits for a kernel looks whether it is there."""
 
 _TICK_S = 2.0
 """A file that was written so short a time ago may be written again without a trace in its times."""
@@ -129,25 +136,54 @@ def use_cache_of_this_source() -> None:
     if VARIABLE in os.environ:
         return
     parent = user_cache()
-    folder = parent / f"kernels-{_key_of_this_source()}"
-    if not folder.exists():
+    name = f"kernels-{_key_of_this_source()}"
+    if not (parent / name).exists():
         _make_room(parent)
-    os.environ[VARIABLE] = str(folder)
+    os.environ[VARIABLE] = folder = str(cache_for_compiled(name))
     if "numba" in sys.modules:
-        sys.modules["numba"].config.CACHE_DIR = str(folder)
+        sys.modules["numba"].config.CACHE_DIR = folder
 
 
 @contextmanager
 def compiling(kernel: str) -> Iterator[None]:
-    """While one process compiles a kernel, by its dotted name, others wait, and find it in the cache."""
+    """While one process compiles a kernel, by its dotted name, others wait, and find it in the cache.
+
+    Nobody waits for a process that is suspended, as by Ctrl-Z: the kernel is compiled twice then.
+    """
     folder = Path(os.environ[VARIABLE])
     with ExitStack() as stack:
         if fcntl is not None:
             with suppress(OSError):  # a cache that cannot be written holds nothing to wait for
                 folder.mkdir(parents=True, exist_ok=True)
-                lock = stack.enter_context((folder / f"{kernel}.lock").open("w"))
-                fcntl.flock(lock, fcntl.LOCK_EX)
+                lock = stack.enter_context((folder / f"{kernel}.lock").open("ab+", buffering=0))
+                _hold(lock)
         yield
+
+
+def _hold(lock: IO[bytes]) -> None:
+    """Wait for a lock and write into it who has it, or go on without where that process is suspended."""
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            holder = lock.read()
+            if holder.isdigit() and _suspended(int(holder)):
+                return
+            time.sleep(_ASK_EVERY_S)
+        else:
+            lock.truncate(0)
+            lock.write(str(os.getpid()).encode())
+            return
+
+
+def _suspended(process: int) -> bool:
+    """Whether a process of this machine is stopped; False where nobody can tell."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state in ("T", "t")
 
 
 def is_complete(kernels: str) -> bool:
@@ -156,10 +192,12 @@ def is_complete(kernels: str) -> bool:
 
 
 def note_complete(kernels: str) -> None:
-    """Note for later processes that a set of kernels, by its name, is in the present cache."""
+    """Note for later processes that a set of kernels, by its name, is in the present cache; a disk that takes
+    no note costs them the time to look."""
     note = _note(kernels)
-    note.parent.mkdir(parents=True, exist_ok=True)
-    note.touch()
+    with suppress(OSError):
+        note.parent.mkdir(parents=True, exist_ok=True)
+        note.touch()
 
 
 def _note(kernels: str) -> Path:
@@ -211,6 +249,14 @@ def _state_of_files(root: Path) -> tuple[str, float]:
 
 def _make_room(parent: Path) -> None:
     """Drop the kernels of all but the `KEPT` youngest states of the source."""
-    by_age = sorted(parent.glob("kernels-*"), key=lambda folder: folder.stat().st_mtime)
+    by_age = sorted(parent.glob("kernels-*"), key=_written)
     for folder in by_age[:-KEPT]:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _written(folder: Path) -> float:
+    """When (s); the beginning of time for one that another process has dropped meanwhile."""
+    try:
+        return folder.stat().st_mtime
+    except OSError:
+        return 0.0

@@ -5,7 +5,6 @@ them compiles anew, once.
 """
 
 import hashlib
-import os
 import shutil
 import subprocess
 import tempfile
@@ -14,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from onboard.errors import InputError, OnboardError
+from onboard.user_cache import cache_for_compiled
 
 SOURCES = Path(__file__).parent
 
@@ -79,11 +79,10 @@ def compiled_library(extra_flags: Sequence[str] = ()) -> Path:
         NoCompiler, CompilationFailed.
     """
     compiler, flags = needed_compiler(), (*FLAGS, *extra_flags)
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "perchhw" / "core"
+    folder = cache_for_compiled("core")
     library = folder / f"{_key(compiler, flags)}.so"
     if not library.exists():
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             _compile(compiler, flags, library)
             _make_room(folder, library)
         except OSError as error:

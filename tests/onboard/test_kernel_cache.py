@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from onboard.kernel_cache import KEPT, PACKAGES, kernel_sources, source_key
+from onboard.kernel_cache import KEPT, PACKAGES, VARIABLE, compiling, kernel_sources, source_key
 from tests.conftest import REPOSITORY
+from tests.patience import PATIENCE_S
 
 KERNEL = """\
 from onboard.jit import kept
@@ -171,6 +172,38 @@ def test_a_disk_that_takes_no_kernel_costs_the_time_to_compile_it(project: Path)
     no_room += "from onboard.kernel import g; resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64)); print(g())"
     assert python(project, no_room, PYTHONPATH=str(project)) == "1"
     assert run_with(project, 1) == "1"
+
+
+@pytest.mark.slow
+def test_a_cache_that_cannot_be_written_keeps_no_kernel_beside_the_source(project: Path) -> None:
+    """There numba would go by the time of the kernel's own file, and not see that another one changes."""
+    put_value(project, 1)
+    (project.parent / "cache").touch()
+    code = "import os, onboard.kernel as k; print(k.g(), os.environ['NUMBA_CACHE_DIR'])"
+    value, _, folder = python(project, code, PYTHONPATH=str(project)).partition(" ")
+    assert value == "1"
+    assert not list(project.rglob("*.nb?"))
+    assert not Path(folder).exists()
+
+
+def test_nobody_waits_for_a_process_that_is_suspended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    code = "import os, signal; from onboard.kernel_cache import compiling\n"
+    code += "with compiling('k'): os.kill(os.getpid(), signal.SIGSTOP)"
+
+    def compile_it() -> bool:
+        with compiling("k"):
+            return True
+
+    with ThreadPoolExecutor(1) as threads, subprocess.Popen([sys.executable, "-c", code]) as holder:
+        os.waitpid(holder.pid, os.WUNTRACED)
+        waiting = threads.submit(compile_it)
+        try:
+            assert waiting.result(PATIENCE_S)
+        finally:
+            holder.kill()
 
 
 def test_the_packages_are_those_that_are_installed() -> None:
