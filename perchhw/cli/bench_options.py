@@ -135,11 +135,11 @@ def run_folder(out: Path | None, kind: str) -> Iterator[Path]:
 
     folder = new_run_folder(Path("runs"), f"calibrate-{kind}") if out is None else out
     make_folder(folder)
-    progress_console().print(
-        f"run: {folder} (Ctrl-C pauses; --out {folder} goes on)", markup=False, soft_wrap=True
-    )
     try:
         with told_what_is_kept(folder):
+            progress_console().print(
+                f"run: {folder} (Ctrl-C pauses; --out {folder} goes on)", markup=False, soft_wrap=True
+            )
             yield folder
     finally:
         if out is None:
