@@ -149,7 +149,11 @@ class TerminalOperator:
         try:
             return self._screen.input(f"    {prompt}: ", markup=False).strip()
         except EOFError as error:  # Ctrl-D, or the terminal is gone
+            self._screen.print()  # what follows does not begin behind the prompt
             raise Paused("paused: the input has ended") from error
+        except KeyboardInterrupt:
+            self._screen.print()
+            raise
 
 
 def _parts(typed: str, question: Question) -> list[str]:

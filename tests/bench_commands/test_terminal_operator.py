@@ -57,13 +57,14 @@ def test_who_pauses_is_told_how_to_go_on(
     assert f"the same command with --out {folder} goes on" in " ".join(capsys.readouterr().err.split())
 
 
-def test_the_end_of_the_input_pauses(keyboard: int) -> None:
+def test_the_end_of_the_input_pauses(keyboard: int, capsys: pytest.CaptureFixture[str]) -> None:
     os.write(keyboard, CTRL_D)
     with pytest.raises(Paused, match="the input has ended"):
         TerminalOperator().do(Task("power", "Put the battery in."))
     os.write(keyboard, CTRL_D)
     with pytest.raises(Paused):
         TerminalOperator().agree("Apply it?")
+    assert capsys.readouterr().err.endswith("Apply it? [y/N]: \n")
 
 
 @pytest.mark.parametrize(
