@@ -192,6 +192,8 @@ def _flown(flights: Sequence[Flight], question: GapQuestion, progress: Progress)
         reasons = "; ".join(f"{item.name}: {item.reason}" for item in not_used)
         raise NothingToFindError(f"no flight can be used: {reasons}")
     check_motor_order(corrected, question.vehicle)
+    ceiling = _ceiling(question, corrected)
+    corrected = [record.under(ceiling) for record in corrected]
     to_fit, kept_back = split_flights(corrected)
     return _Flown(
         prepared=prepared,
@@ -199,7 +201,7 @@ def _flown(flights: Sequence[Flight], question: GapQuestion, progress: Progress)
         not_used=not_used,
         to_fit=[corrected[i] for i in to_fit],
         kept_back=[corrected[i] for i in kept_back],
-        ceiling_z=_ceiling(question, corrected),
+        ceiling_z=ceiling,
     )
 
 

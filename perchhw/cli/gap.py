@@ -31,6 +31,7 @@ DataOption = Annotated[
 ]
 MoreData = Annotated[list[Path] | None, typer.Argument(metavar="[PATH]...", help="More of --data.")]
 VehicleOption = Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle: the model.")]
+CeilingOption = Annotated[float | None, typer.Option(help="Height of the ceiling, m, if there is one.")]
 
 
 @app.command()
@@ -40,6 +41,7 @@ def evaluate(
     more: MoreData = None,
     format: FlightFormat = "auto",
     legs: Legs = None,
+    ceiling: CeilingOption = None,
     horizons: Annotated[str, typer.Option(help="Seconds ahead, increasing.")] = "0.1,0.25,0.5,1.0",
     calibrate_first_s: Annotated[
         float,
@@ -56,7 +58,8 @@ def evaluate(
     seconds = _seconds(horizons)
     model = load_vehicle(vehicle, legs=legs)
     flights, unusable = read_records([*data, *(more or [])], format)
-    errors = predict(flights.records, model, seconds, calibrate_first_s)
+    records = [record.under(ceiling) for record in flights.records]
+    errors = predict(records, model, seconds, calibrate_first_s)
     document = as_json(errors)
     document["unusable"] = unusable + [
         {"file": item["file"], "reason": item["reason"]} for item in document.pop("unpredicted")
@@ -75,7 +78,7 @@ def find(
     more: MoreData = None,
     format: FlightFormat = "auto",
     legs: Legs = None,
-    ceiling: Annotated[float | None, typer.Option(help="Height of the ceiling, m, if there is one.")] = None,
+    ceiling: CeilingOption = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
 ) -> None:
     """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""

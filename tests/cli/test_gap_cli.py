@@ -67,6 +67,19 @@ def test_evaluate_takes_several_files_behind_data(capsys: pytest.CaptureFixture[
     assert fitted["by_flight"][0]["nuisances"]["thrust_scale"] == pytest.approx(0.95, rel=0.01)
 
 
+def test_evaluate_feels_the_ceiling_that_it_is_told(
+    capsys: pytest.CaptureFixture[str], flights: Path, tmp_path: Path
+) -> None:
+    feels = tmp_path / "feels.toml"
+    feels.write_text(vehicle_to_toml(with_effects({"ceiling_effect": {"inflow": 1.0, "opening": 0.1}})))
+    arguments: list[str | Path] = ["gap", "evaluate", "--data", flights / "laps.csv", "--vehicle", feels]
+    free, below = (
+        call(capsys, *arguments, *told)[1]["given_attitude"]["0.5"]["position_m"]
+        for told in ((), ("--ceiling", "1.4"))
+    )
+    assert below > 1.1 * free  # these rotors lift less than the file says, not more
+
+
 def test_evaluate_names_what_it_leaves_out(
     capsys: pytest.CaptureFixture[str], flights: Path, tmp_path: Path
 ) -> None:

@@ -4,7 +4,7 @@
 of a flight can be used.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -96,6 +96,10 @@ class FlightRecord:
                 f"{self.source}: no battery voltage, and a command means no thrust without"
             )
         return self.voltage
+
+    def under(self, ceiling_z: float | None) -> "FlightRecord":
+        """The flight below a ceiling at this height (m); None: nobody knows better than the record."""
+        return self if ceiling_z is None else replace(self, ceiling_z=ceiling_z)
 
     @property
     def dt(self) -> float:

@@ -52,10 +52,13 @@ def proof(
         kept_back: may be empty.
         source: provenance of the numbers, for the vehicle file.
     """
-    held_out = list(kept_back) or list(training.records)
+    # A ceiling whose height the search has found is over the flights that are predicted, too.
+    ceiling = names.model.ceiling_z
+    fitted, unseen = ([one.under(ceiling) for one in some] for some in (training.records, kept_back))
+    held_out = unseen or fitted
     stages = _stages(names, held_out)
     own = own_floor(found.final, len(held_out))
-    if reason := predicted_worse(names, stages, own, training.records):
+    if reason := predicted_worse(names, stages, own, fitted):
         names = names.without_any(reason)
         stages = _stages(names, held_out)
     believed = as_believed(found, names, training)
