@@ -25,6 +25,7 @@ from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay.hover_voltage import of_one_vehicle
 from calibration.gap.replay.motor_order import check_motor_order
+from calibration.gap.replay.touching import clear_of_floor
 from calibration.gap.report.confidence import with_probability
 from calibration.gap.report.document import (
     AmbiguousSet,
@@ -193,7 +194,7 @@ def _flown(flights: Sequence[Flight], question: GapQuestion, progress: Progress)
         raise NothingToFindError(f"no flight can be used: {reasons}")
     check_motor_order(corrected, question.vehicle)
     ceiling = _ceiling(question, corrected)
-    corrected = [record.under(ceiling) for record in corrected]
+    corrected = clear_of_floor([record.under(ceiling) for record in corrected], question.vehicle)
     to_fit, kept_back = split_flights(corrected)
     return _Flown(
         prepared=prepared,

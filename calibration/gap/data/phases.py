@@ -17,7 +17,9 @@ _DIP_S = 1.0  # a throttle chop or a saturated mixer may take a motor below AIRB
 _CLEAR_M = 0.03  # height above rest from which nothing touches the floor
 _LOW_M = 0.15  # a flight that stays below and touches, or has saturated motors, never left the floor
 _SATURATED_PWM = 65000.0
-_CONTACT_MARGIN_S = 0.1
+CONTACT_MARGIN_S = 0.1
+"""s around a contact: no free flight."""
+
 _SETTLED_S = 0.3  # nothing is at rest this shortly before the motors start
 _RESTING_RATE = 0.2  # rad/s
 _RESTING_MOVE_M = 0.005
@@ -68,7 +70,7 @@ def free_flight(
     for name in ("body_contact", "legs_attached"):
         touch = samples_of(flight, name)
         if touch is not None:
-            flying &= ~_near(t, touch.t[touch.values[:, 0] > 0.0], _CONTACT_MARGIN_S)
+            flying &= ~near(t, touch.t[touch.values[:, 0] > 0.0], CONTACT_MARGIN_S)
     seconds = np.count_nonzero(flying) * float(t[1] - t[0])
     if seconds < LEAST_FLYING_S:
         raise UnusableFlightError(flight.source, f"only {seconds:.2f} s in free flight")
@@ -117,6 +119,6 @@ def _check_leaves_floor(flight: Flight, height: FloatArray, pwm: FloatArray) -> 
         )
 
 
-def _near(t: FloatArray, moments: FloatArray, margin: float) -> BoolArray:
+def near(t: FloatArray, moments: FloatArray, margin: float) -> BoolArray:
     """Where a time of `t` has one of the increasing `moments` within `margin` (s)."""
     return np.searchsorted(moments, t + margin, "right") > np.searchsorted(moments, t - margin, "left")
