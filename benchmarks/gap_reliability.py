@@ -3,10 +3,11 @@
     python benchmarks/gap_reliability.py --table FILE [--first SEED] [--picture FILE.png]
 
 The table is that of `gap_random.py`, of sets that the probabilities were not counted on (those of 875224649,
-875224849, 1734762763, 1911831171 and 1911831371 on were: `calibration/gap/report/confidence.py`); `--first`
-leaves out those before a seed. The probability is that of today for a name's clearness. A name is right that
-was hidden, or that the report says could also be what was. One JSON document goes to stdout; with `--picture`
-the diagram is drawn: share right, with Wilson's interval of 95 %, against the probability that was claimed.
+875224849, 1734762763, 1911831171 and 1911831371 on were: `calibration/gap/report/confidence.py`; for names
+beside a gap those of 1540545265, 1540545465, 3993213141 and 3993213341 on); `--first` leaves out those before
+a seed. The probability is that of today for a name's clearness and the verdict. A name is right that was
+hidden, or that the report says could also be what was. One JSON document goes to stdout; with `--picture` the
+diagram is drawn: share right, with Wilson's interval of 95 %, against the probability that was claimed.
 """
 
 import argparse
@@ -34,7 +35,7 @@ def claims(runs: Sequence[dict[str, Any]]) -> list[Claimed]:
     from calibration.gap.report.confidence import probability
 
     names = sorted(
-        (round(probability(clear), 3), name not in one["false_names"])
+        (round(probability(clear, one["verdict"] != "unexplained_gap"), 3), name not in one["false_names"])
         for one in runs
         if not one["crash"] and "refused" not in one
         for name, clear in one["clearness"].items()

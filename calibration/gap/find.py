@@ -149,9 +149,9 @@ class _Examined:
         training: those that were fitted.
         found: the search.
         proved: what flights that no fit saw leave of it.
+        sensed: effects of the sensors.
         in_the_air: effects of body, motors and air.
         landings: what landings say of legs and feet, if there are any.
-        effects: all of them, those of the sensors first.
         maps: where the gap lived before anything was added, and where the rest lives.
     """
 
@@ -159,10 +159,20 @@ class _Examined:
     training: Training
     found: Search
     proved: Proof
+    sensed: Sequence[FoundEffect]
     in_the_air: Sequence[FoundEffect]
     landings: LandingFindings | None
-    effects: Sequence[FoundEffect]
     maps: tuple[GapMap, GapMap]
+
+    @property
+    def of_flights(self) -> tuple[FoundEffect, ...]:
+        """What flights show, the sensors' effects first."""
+        return (*self.sensed, *self.in_the_air)
+
+    @property
+    def of_landings(self) -> tuple[FoundEffect, ...]:
+        """What landings show."""
+        return tuple(self.landings.findings) if self.landings else ()
 
 
 def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) -> GapResult:
@@ -172,7 +182,8 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     source = provenance(len(flown.to_fit), len(flown.kept_back), question.seed)
     examined = _examined(flights, flown, question, source, progress)
     proved = examined.proved
-    improved = improved_vehicle(question.vehicle, examined.effects, proved.names, source)
+    effects = (*examined.of_flights, *examined.of_landings)
+    improved = improved_vehicle(question.vehicle, effects, proved.names, source)
     return GapResult(
         report=_report(examined, question, improved),
         figures=figures(
@@ -218,34 +229,44 @@ def _examined(
     in_the_air = found_effects(proved.names, HeldOutFlights(proved.held_out), rng)
     progress("landings")
     landings = _landings(flights, proved.names, rng)
-    sensed = unsaid(flown.sensing.effects, question.vehicle)
-    named = with_probability([*sensed, *in_the_air], question.vehicle)
     progress("where it lives")
     return _Examined(
         flown=flown,
         training=training,
         found=found,
         proved=proved,
+        sensed=unsaid(flown.sensing.effects, question.vehicle),
         in_the_air=in_the_air,
         landings=landings,
-        effects=(*named, *(landings.findings if landings else ())),
         maps=(residual_map(found.first, training, rng), residual_map(proved.believed, training, rng)),
     )
 
 
 def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> GapReport:
-    flown, training, effects = examined.flown, examined.training, examined.effects
+    flown, training = examined.flown, examined.training
     found, proved, (first_map, last_map) = examined.found, examined.proved, examined.maps
     believed, names = proved.believed, proved.names
     chance = math.hypot(chance_floor(believed, training), own_floor(believed, len(proved.held_out)))
     left = (
         *flown.sensing.unexplained,
-        *remaining(proved.by_names, chance, believed, last_map, question.vehicle, bool(effects)),
+        *remaining(
+            proved.by_names,
+            chance,
+            believed,
+            last_map,
+            question.vehicle,
+            bool(examined.of_flights or examined.of_landings),
+        ),
     )
     sizeable = with_consequence(found.unnamed, found.final, training)
+    explained = not (sizeable or names.unconfirmed or left)
+    effects = (
+        *with_probability(examined.of_flights, question.vehicle, explained),
+        *examined.of_landings,
+    )
     gap = prediction_gap(proved.stages)
     return GapReport(
-        verdict=_verdict(effects, sizeable, names, examined.landings, left),
+        verdict=_verdict(effects, explained, examined.landings),
         vehicle=question.vehicle.name,
         effects=tuple(effects),
         gap=gap,
@@ -291,15 +312,9 @@ def _ceiling(question: GapQuestion, records: Sequence[FlightRecord]) -> float | 
     return question.ceiling_z if question.ceiling_z is not None or len(told) != 1 else told.pop()
 
 
-def _verdict(
-    effects: Sequence[FoundEffect],
-    nameless: Sequence[FittedTerm],
-    names: Named,
-    landings: LandingFindings | None,
-    left: Sequence[str],
-) -> GapVerdict:
+def _verdict(effects: Sequence[FoundEffect], explained: bool, landings: LandingFindings | None) -> GapVerdict:
     odd_landings = landings is not None and landings.verdict is LandingVerdict.UNEXPLAINED_GAP
-    if nameless or names.unconfirmed or odd_landings or left:
+    if odd_landings or not explained:
         return GapVerdict.UNEXPLAINED_GAP
     return GapVerdict.EFFECTS_FOUND if effects else GapVerdict.NO_GAP
 

@@ -31,6 +31,10 @@ class Counted(NamedTuple):
 COUNTED = (Counted(0.0, 17, 24), Counted(3.0, 152, 159), Counted(30.0, 172, 173))
 """From low to high; of the 442 sets of three programs of which docs/gap_figures.md says so."""
 
+BESIDE_A_GAP = (Counted(0.0, 3, 7), Counted(30.0, 6, 6))
+"""Likewise of names beside a gap that they do not explain, in the 139 sets of which that page says so: what
+nobody knows makes the nearest name grow until it is beyond chance, in another channel, too."""
+
 
 def clearness(effect: FoundEffect, vehicle: Vehicle) -> float:
     """Distance of the clearest parameter from what the vehicle file says, in its standard errors."""
@@ -45,15 +49,21 @@ def clearness(effect: FoundEffect, vehicle: Vehicle) -> float:
     return max(distances)
 
 
-def probability(clear: float) -> float:
-    """That a name which is so clear (standard errors) is right: mean of Jeffreys' posterior of its like."""
-    counted = max((one for one in COUNTED if one.least <= clear), key=lambda one: one.least)
+def probability(clear: float, explained: bool) -> float:
+    """That a name is right: mean of Jeffreys' posterior of its like.
+
+    Args:
+        clear: its clearness, in standard errors.
+        explained: whether the names of its flights explain what these lack.
+    """
+    like = COUNTED if explained else BESIDE_A_GAP
+    counted = max((one for one in like if one.least <= clear), key=lambda one: one.least)
     return (counted.right + 0.5) / (counted.total + 1.0)
 
 
-def with_probability(effects: Sequence[FoundEffect], vehicle: Vehicle) -> list[FoundEffect]:
-    """The effects, each with the probability that its name is right."""
+def with_probability(effects: Sequence[FoundEffect], vehicle: Vehicle, explained: bool) -> list[FoundEffect]:
+    """The effects, each with the probability that its name is right; arguments as of :func:`probability`."""
     return [
-        dataclasses.replace(one, probability=round(probability(clearness(one, vehicle)), 3))
+        dataclasses.replace(one, probability=round(probability(clearness(one, vehicle), explained), 3))
         for one in effects
     ]
