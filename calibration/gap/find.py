@@ -174,6 +174,11 @@ class _Examined:
         """What landings show."""
         return tuple(self.landings.findings) if self.landings else ()
 
+    @property
+    def anything(self) -> bool:
+        """Whether anything has a name."""
+        return bool(self.of_flights or self.of_landings)
+
 
 def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) -> GapResult:
     # Names and order of the files decide nothing.
@@ -249,21 +254,12 @@ def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> Ga
     chance = math.hypot(chance_floor(believed, training), own_floor(believed, len(proved.held_out)))
     left = (
         *flown.sensing.unexplained,
-        *remaining(
-            proved.by_names,
-            chance,
-            believed,
-            last_map,
-            question.vehicle,
-            bool(examined.of_flights or examined.of_landings),
-        ),
+        *remaining(proved.by_names, chance, believed, last_map, question.vehicle, examined.anything),
     )
     sizeable = with_consequence(found.unnamed, found.final, training)
     explained = not (sizeable or names.unconfirmed or left)
-    effects = (
-        *with_probability(examined.of_flights, question.vehicle, explained),
-        *examined.of_landings,
-    )
+    of_flights = with_probability(examined.of_flights, question.vehicle, explained)
+    effects = (*of_flights, *examined.of_landings)
     gap = prediction_gap(proved.stages)
     return GapReport(
         verdict=_verdict(effects, explained, examined.landings),
