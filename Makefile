@@ -52,7 +52,7 @@ soak: $(VENV)/.dev
 	$(PYTEST) -m "soak or further or hypothesis" --hypothesis-profile soak
 	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
 	$(BIN)/python -m tests.faulty_campaign --attempts 200 --seed $(SEED)
-	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 100 --seed $(SEED)
+	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 200 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --drones 7 --seed $(SEED)
 	$(BIN)/python -m tests.mutation
 	$(BIN)/python -m tests.firmware.mutation
