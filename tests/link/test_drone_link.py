@@ -91,7 +91,8 @@ def test_the_late_echo_of_an_earlier_write_is_not_taken_for_that_of_the_next(
     tiny._set = echo_the_last_one_again  # type: ignore[method-assign]
     for value in (6, 7, 8):
         link.set_param("motion.offset", value)
-    assert [data[2] for data in written] == [6, 7, 8], "each was sent once"
+    # A busy machine answers so late that a write is sent again; none is after the next has begun.
+    assert [value for value, _ in groupby(data[2] for data in written)] == [6, 7, 8]
 
 
 def test_a_write_that_another_thread_undoes_is_given_up_at_once(tiny: TinyDrone, link: DroneLink) -> None:
