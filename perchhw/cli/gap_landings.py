@@ -56,6 +56,7 @@ def landings_command(
         lost_labels,
         prepare,
         read_labels,
+        require_searchable,
         search_report,
     )
     from onboard.errors import InputError
@@ -77,6 +78,8 @@ def landings_command(
         reasons = _grouped((*prepared.unused, *refused)) or "there is no flight"
         raise InputError(f"no flight has a trigger to start from: {reasons}")
     real = [_outcome(start.flight, labels, model) for start in prepared.starts]
+    if search:
+        require_searchable(real)  # before minutes of simulation
     with share_done("simulating") as simulated:
         found = forecast(prepared, model, lambda share: simulated(share, 1.0))
     report = landing_report(prepared, found, real, model.name, seed, refused)

@@ -192,6 +192,10 @@ def test_flights_that_nobody_classified_are_told_where_to_say_it(
     (said,) = json.loads(capsys.readouterr().out)["says"]
     assert "of 2 flights are classified, and a score needs 4" in said
     assert "labels.csv" in said
+    assert run([*command, "--search"]) == 2
+    told = capsys.readouterr().err
+    assert "a search needs 4: add flights" in told
+    assert "simulating" not in told, "it is refused before minutes of work"
 
 
 def test_a_search_that_is_interrupted_leaves_the_forecast(

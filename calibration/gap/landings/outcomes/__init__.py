@@ -1,7 +1,12 @@
 """How landings end: from the recorded trigger of each flight to the probabilities of four legs, two, none."""
 
 from calibration.gap.landings.outcomes.dispersion import Dispersion
-from calibration.gap.landings.outcomes.document import LandingReport, landing_report, search_report
+from calibration.gap.landings.outcomes.document import (
+    LandingReport,
+    landing_report,
+    require_searchable,
+    search_report,
+)
 from calibration.gap.landings.outcomes.labels import LABELS_FILE, lost_labels, read_labels
 from calibration.gap.landings.outcomes.predict import Forecast, OutcomeForecast, forecast
 from calibration.gap.landings.outcomes.prepare import PreparedLandings, prepare
@@ -20,6 +25,7 @@ __all__ = [
     "lost_labels",
     "prepare",
     "read_labels",
+    "require_searchable",
     "score",
     "search_report",
 ]

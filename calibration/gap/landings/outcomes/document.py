@@ -155,6 +155,20 @@ def classified(real: Sequence[Outcome | None]) -> tuple[IntArray, IntArray]:
     return np.array(rows, dtype=np.int64), np.array([classes[row] for row in rows], dtype=np.int64)
 
 
+def require_searchable(real: Sequence[Outcome | None]) -> None:
+    """Refuse flights of which too few are classified to search for what the vehicle lacks.
+
+    Raises:
+        TooFewFlightsError: fewer than LEAST_FLIGHTS.
+    """
+    rows, _ = classified(real)
+    if rows.size < LEAST_FLIGHTS:
+        raise TooFewFlightsError(
+            f"{rows.size} classified flights with a trigger; a search needs {LEAST_FLIGHTS}: add flights, or "
+            "classify them in labels.csv"
+        )
+
+
 def search_report(
     report: LandingReport, vehicle: Vehicle, progress: Callable[[float], None] | None = None
 ) -> LandingReport:
@@ -167,12 +181,8 @@ def search_report(
     Raises:
         TooFewFlightsError: fewer.
     """
+    require_searchable(report.real)
     rows, known = classified(report.real)
-    if rows.size < LEAST_FLIGHTS:
-        raise TooFewFlightsError(
-            f"{rows.size} classified flights with a trigger; a search needs {LEAST_FLIGHTS}: add flights, or "
-            "classify them in labels.csv"
-        )
     filed = filed_point(vehicle)
     bare = bare_parameters(vehicle)
     points = grid(bare, filed)
