@@ -95,8 +95,8 @@ def judge(
     in_time = offered.few_kinds(columns)
     gains, otherwise = (offered.gains(present, way) for way in (in_time, not in_time))
     model = offered.model
-    with_neutral = [v for v in fitted if model.without_it(v) is not None]
-    far = not with_neutral or any(abs(model.change(v)) >= DETECTABLE * errors[v] for v in with_neutral)
+    removable = [v for v in fitted if model.without_it(v) is not None]
+    far = not removable or any(abs(model.change(v)) >= DETECTABLE * errors[v] for v in removable)
     lower = lower_bound(gains, training, offered.few_flights(columns), rng)
     beyond_chance = far and float(gains.sum()) >= LEAST_GAIN and lower > 0.0
     if swallowed(offered, present) and not swallowed(present, offered):

@@ -216,11 +216,11 @@ def contains_nothing(
     Each has its 95 % interval; of three, one is outside it by chance once in seven times (Sidak, JASA 62,
     1967).
     """
-    with_neutral = [v for v in variables if final.model.without_it(v) is not None]
-    if not with_neutral:
+    removable = [v for v in variables if final.model.without_it(v) is not None]
+    if not removable:
         return False
-    least = norm.isf(0.5 * (1.0 - 0.95 ** (1.0 / len(with_neutral))))
-    return all(abs(final.model.change(v)) < least * errors.get(v, 0.0) for v in with_neutral)
+    least = norm.isf(0.5 * (1.0 - 0.95 ** (1.0 / len(removable))))
+    return all(abs(final.model.change(v)) < least * errors.get(v, 0.0) for v in removable)
 
 
 def not_loaded(vehicle: Vehicle) -> str | None:
