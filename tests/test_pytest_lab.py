@@ -234,6 +234,7 @@ FAILS_IN_FIXTURES = """
 """
 
 
+@pytest.mark.further
 def test_fixtures_that_fail_leave_records_and_a_lab_that_dies_ends_one_test(
     pytester: pytest.Pytester,
 ) -> None:

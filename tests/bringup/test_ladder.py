@@ -110,7 +110,11 @@ def test_a_subject_that_is_turned_fails_the_tilt_though_the_doctor_cannot_see_it
 
 
 @pytest.mark.parametrize(
-    "fault", ["motors_swapped=1,3", pytest.param("propeller_reversed=2", marks=pytest.mark.soak)]
+    "fault",
+    [
+        pytest.param("motors_swapped=1,3", marks=pytest.mark.further),
+        pytest.param("propeller_reversed=2", marks=pytest.mark.soak),
+    ],
 )
 def test_a_drone_that_is_put_together_wrongly_fails_the_hover(
     fault: str, capsys: pytest.CaptureFixture[str]

@@ -11,6 +11,7 @@ from tests.firmware.shell_engine import ShellEngine
 from tests.sim_crazyflie import test_landing_app as app
 
 
+@pytest.mark.further  # the same code without its shell: tests/sim_crazyflie/test_landing_app.py
 def test_it_lands_on_four_feet(monkeypatch: pytest.MonkeyPatch) -> None:
     if find_compiler() is None:
         pytest.skip("no C compiler: the drone's code in C cannot fly")

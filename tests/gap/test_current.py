@@ -37,6 +37,7 @@ def test_what_weak_motors_draw_is_no_resistance() -> None:
     assert names.minor == ()
 
 
+@pytest.mark.further
 def test_a_resistance_beyond_that_is_named_and_its_interval_holds() -> None:
     resistance = 0.8 * frame().resistance
     names = named(Hidden(thrust_scale=0.9, resistance=resistance))

@@ -56,6 +56,7 @@ def test_an_area_is_known_no_better_than_the_law_of_its_drag() -> None:
     assert flown[2] - final.model.start_value(areas[2]) > NINETY_FIVE * chance[areas[2]]
 
 
+@pytest.mark.further
 def test_what_moves_with_the_logs_timing_is_known_no_better_than_it() -> None:
     """A delay and a lag that is shorter by as much tell the same."""
     lag = Variable("motor_lag", "scale")

@@ -54,7 +54,13 @@ def test_our_equation_of_an_effect_predicts_mujocos_flights(name: str) -> None:
     assert excess > 0.5
 
 
-@pytest.mark.parametrize("name", ["pose_rotation", pytest.param("gyro_bias", marks=pytest.mark.soak)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("pose_rotation", marks=pytest.mark.further),
+        pytest.param("gyro_bias", marks=pytest.mark.soak),
+    ],
+)
 def test_sensors_of_mujocos_room_err_as_is_hidden(name: str) -> None:
     hidden, effects = drawn.hide(Hidden(), name, "strong", frame(), np.random.default_rng(11))
     pooled = judge_sensing(flights(hidden)).pooled[name]

@@ -40,10 +40,12 @@ def few() -> list[Judged]:
     return judge([HEALTHY, PADS], 8, 1, 40, points)
 
 
+@pytest.mark.further
 def test_nothing_is_named_where_nothing_is_hidden(few: list[Judged]) -> None:
     assert few[0].named == ()
 
 
+@pytest.mark.further
 def test_landings_of_another_program_end_as_often_as_ours_predict(few: list[Judged]) -> None:
     """Healthy ones, and ones with hidden hinges and pads, each by the model that is right."""
     for one in few:
@@ -52,6 +54,7 @@ def test_landings_of_another_program_end_as_often_as_ours_predict(few: list[Judg
             assert_likely(landed, shares.tolist(), simulated=40)
 
 
+@pytest.mark.further
 def test_hidden_pads_are_named_with_their_speed(few: list[Judged]) -> None:
     assert few[1].counts[1] > few[0].counts[1]
     assert "pads" in few[1].named
@@ -77,6 +80,7 @@ def test_thirty_landings_name_drawn_pads() -> None:
     assert inside > named / 2
 
 
+@pytest.mark.further
 def test_a_lab_is_told_what_its_vehicle_file_lacks(few: list[Judged]) -> None:
     """In words with the value in the file beside it, and as a vehicle file that has it."""
     found = few[1].found

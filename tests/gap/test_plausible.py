@@ -200,6 +200,7 @@ def test_a_copy_that_was_cut_and_rounded_is_found(flight: Flight) -> None:
     assert "same numbers" in refused.reason
 
 
+@pytest.mark.further
 def test_forces_of_poses_are_those_of_the_model_seen_alike(tmp_path: Path) -> None:
     truth = tunnel.draw(SEED, 0.0)
     calm = truth._replace(linear=0.0, square=0.0)

@@ -35,6 +35,7 @@ def test_flights_kept_back_have_the_law_that_the_others_told() -> None:
     assert np.abs(shares(alone) - shares(fit)).max() > 0.3
 
 
+@pytest.mark.further
 def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_commanded() -> None:
     records = flights(Hidden())
     training = training_set(records, STOCK)

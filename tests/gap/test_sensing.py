@@ -209,6 +209,7 @@ def test_nothing_is_claimed_of_good_sensors(seeds: range) -> None:
         assert findings.broken == ()
 
 
+@pytest.mark.further
 def test_what_flights_do_not_share_is_corrected_and_not_named() -> None:
     rng = np.random.default_rng(7)
     t = np.arange(0.0, 12.0, 0.01)

@@ -85,6 +85,7 @@ def test_the_estimate_still_climbs_when_the_drone_no_longer_does(several: NDArra
     assert error.mean() < 1.5 * PLAN.az * 0.0125
 
 
+@pytest.mark.further
 def test_late_poses_bring_the_trigger_nearer_to_the_ceiling(several: NDArray[np.void]) -> None:
     """The drone is where it takes itself to be that much earlier."""
 
@@ -107,6 +108,7 @@ def test_the_same_generator_gives_the_same_attempt(several: NDArray[np.void]) ->
     assert flown(1)[0] == several[0]
 
 
+@pytest.mark.further
 def test_a_policy_that_does_not_fire_brakes_below_the_ceiling() -> None:
     attempts = WholeAttempts(VEHICLE, BUNDLE, EngineName.REFERENCE)
     parameters = np.array([physics_parameters(VEHICLE, ROOM)], dtype=PARAMETERS)

@@ -13,6 +13,7 @@ import pytest
 from onboard.kernel_cache import KEPT, PACKAGES, VARIABLE, compiling, kernel_sources, source_key
 from tests.conftest import REPOSITORY
 from tests.patience import PATIENCE_S
+from tests.tiers import some
 
 KERNEL = """\
 from onboard.jit import kept
@@ -148,7 +149,7 @@ def test_a_caller_on_disk_finds_what_it_calls_and_is_compiled_anew_with_it(proje
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [pytest.param(".nbi", marks=pytest.mark.further), ".nbc"])
+@pytest.mark.parametrize("suffix", some([".nbi", ".nbc"], 2))
 def test_a_kernel_whose_file_is_damaged_is_compiled_anew(project: Path, suffix: str) -> None:
     (project / "onboard" / "pair.py").write_text(PAIR)
 

@@ -91,6 +91,7 @@ def test_measured_dispersion_comes_first(learned: Path) -> None:
     assert "--landings" in page.text
 
 
+@pytest.mark.further
 def test_reference_condition_and_pictures(copy_of_learned: Path, tmp_path: Path) -> None:
     authors = tmp_path / "theirs.csv"
     authors.write_text(
