@@ -28,7 +28,6 @@ from sim_backend.crazyflie.setpoint import complete_setpoint
 from sim_backend.crazyflie.stabilizer import applied_duties
 from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
-from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position
 from sim_backend.physics.reset import approaching, charged
 from sim_backend.physics.rollout import End, RolloutSettings, record_end
 from sim_backend.physics.state import STATE
@@ -36,6 +35,7 @@ from sim_backend.physics.step import is_finite, step_first
 from sim_backend.room.cameras import Cameras
 from sim_backend.room.feed import TruePose
 from sim_backend.room.settings import RoomSettings
+from sim_backend.tracked import tracked_pose
 
 DT = 1e-3
 ARM_MS, ARMED_MS = 680, 20
@@ -114,13 +114,15 @@ class WholeAttempts:
             raise SimulationError(f"the drone refuses the approach: {engine.trajectory_status.name}")
         engine.ask_go(True)
         body.state["time"] = 0.0
-        end = None
+        triggered, highest, end = None, -np.inf, None
         while end is None:
             drone.fly(1)
-            if engine.snapshot_count and not out["triggered"]:
+            if triggered is None and engine.snapshot_count:
                 _record_trigger(out, engine, body.state)
-            out["d_min"] = min(out["d_min"] or np.inf, plan.ceiling_z - body.state["position"][2])
-            end = body.end(out, engine)
+                triggered = body.now
+            highest = max(highest, body.height)
+            end = body.end(triggered, engine)
+        out["d_min"] = plan.ceiling_z - highest
         record_end(out, body.state, int(end))
 
 
@@ -135,7 +137,26 @@ class _Body:
         self.state: Any = self._states[0]
         self.state["specific_force"] = (0.0, 0.0, parameters[0]["gravity"])
         self.state["pad_deviate"] = rng.standard_normal()
+        # Views into the record: its fields are slow to look up a thousand times a second.
         self.specific_force, self.rates = self.state["specific_force"], self.state["omega"]
+        self._position, self._velocity = self.state["position"], self.state["velocity"]
+        self._time, self._contact = self._states["time"], self._states["ceiling_contact"]
+        self._voltage = self._states["battery_voltage"]
+
+    @property
+    def now(self) -> float:
+        """s since the approach began."""
+        return self._time.item()
+
+    @property
+    def height(self) -> float:
+        """m, of the centre of mass."""
+        return self._position.item(2)
+
+    @property
+    def voltage(self) -> float:
+        """V, of the battery."""
+        return self._voltage.item()
 
     def step(self, duties: FloatArray) -> None:
         """One ms."""
@@ -143,25 +164,28 @@ class _Body:
 
     def pose(self) -> TruePose:
         """What the cameras look at, by the vehicle's effects."""
-        p = self.parameters[0]
-        return TruePose(tracked_position(self.state, p), tracked_attitude(self.state, p))
+        return TruePose(*tracked_pose(self._states, self.parameters))
 
     def discharge(self, seconds: float) -> None:
         """Take so much of the present current out of the pack."""
         self.state["charge_used"] += seconds * self.state["battery_current"]
 
-    def end(self, out: Any, engine: Engine) -> End | None:
-        """Why the attempt is over (a policy that did not fire: TIMEOUT); None while it goes on."""
-        state = self.state
-        now = float(state["time"])
-        if state["ceiling_contact"] and now - state["impact_time"] > RULES.after_contact:
-            return End.SETTLED if is_finite(state) else End.NOT_FINITE
-        if not out["triggered"]:
+    def end(self, triggered: float | None, engine: Engine) -> End | None:
+        """Why the attempt is over (a policy that did not fire: TIMEOUT); None while it goes on.
+
+        Args:
+            triggered: s since the approach began; None: not yet.
+            engine: what is on board.
+        """
+        now = self.now
+        if self._contact.item() and now - self.state["impact_time"] > RULES.after_contact:
+            return End.SETTLED if is_finite(self.state) else End.NOT_FINITE
+        if triggered is None:
             ended = engine.state not in (LandingState.TRAJECTORY_ARMED, LandingState.APPROACH)
             return End.TIMEOUT if ended or now > self._latest else None
-        if now - out["trigger_time"] > RULES.after_trigger:
-            return End.FLIP_TIMEOUT if is_finite(state) else End.NOT_FINITE
-        falls = state["velocity"][2] <= -RULES.fall_speed and state["position"][2] <= RULES.fall_height
+        if now - triggered > RULES.after_trigger:
+            return End.FLIP_TIMEOUT if is_finite(self.state) else End.NOT_FINITE
+        falls = self._velocity.item(2) <= -RULES.fall_speed and self.height <= RULES.fall_height
         return End.FALLING if falls else None
 
 
@@ -200,7 +224,7 @@ class _Drone:
     def _step(self, tick: int) -> None:
         body, sensors, estimator = self._body, self._sensors, self._estimator
         sensors.sample(body.specific_force, body.rates)
-        self._power.step(tick, float(body.state["battery_voltage"]))
+        self._power.step(tick, body.voltage)
         self._look(tick)
         estimator.step(sensors.acc, sensors.gyro, True)
         self._engine.step(

@@ -25,16 +25,14 @@ from sim_backend.fault_values import NO_TIME
 from sim_backend.handling import WIRED, Wiring, attitude_in_hand, hold_in_hand, wiring_of
 from sim_backend.hung import HungDrone
 from sim_backend.lab_faults import DroneFaults
-from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position
 from sim_backend.physics.parameters import PARAMETERS, physics_parameters
 from sim_backend.physics.reset import resting_on_floor
 from sim_backend.physics.state import STATE
 from sim_backend.physics.step import is_finite, step_first
 from sim_backend.pose_feed import PERIOD_TICKS, PoseFeed
 from sim_backend.survey import SimulatedSurvey
+from sim_backend.tracked import Pose, tracked_pose
 from sim_backend.truth import RATE_HZ, TruthRecorder
-
-Pose = tuple[Vector, Quaternion]
 
 DT = 0.001
 LAG_LIMIT_S = 0.05
@@ -201,15 +199,7 @@ class Drone:
         return self.name, position, quaternion
 
     def _tracked(self) -> Pose:
-        if self._parameters["sensors_on"]:
-            return (
-                tracked_position(self.state, self._parameters),
-                tracked_attitude(self.state, self._parameters),
-            )
-        # The same without a call into compiled code, which takes longer than the rest of a round.
-        x, y, z = self.state["position"].tolist()
-        qx, qy, qz, qw = self.state["quaternion"].tolist()
-        return (x, y, z), (qx, qy, qz, qw)
+        return tracked_pose(self._storage, self._stored_parameters)
 
     def check(self) -> None:
         """Raise WorldError when the state is not finite."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from onboard.arrays import Quaternion, Vector
 from onboard.rotation import multiply, rotate
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import kernel, outlined
 
 
 @kernel
@@ -31,6 +31,13 @@ def tracked_attitude(state: Any, p: Any) -> Quaternion:
         return q[0], q[1], q[2], q[3]
     w = math.sqrt(1.0 - (t[0] * t[0] + t[1] * t[1] + t[2] * t[2]))
     return multiply(q, (t[0], t[1], t[2], w))
+
+
+@outlined
+def tracked_first(states: Any, parameters: Any) -> tuple[Vector, Quaternion]:
+    """Position (m, world) and attitude of the frame that is tracked, of the first record of each array: for
+    callers in Python, as :func:`sim_backend.physics.step.step_first`."""
+    return tracked_position(states[0], parameters[0]), tracked_attitude(states[0], parameters[0])
 
 
 @kernel
