@@ -62,7 +62,7 @@ soak: $(VENV)/.dev
 soak-sample: sample-of-tests sample-of-flights sample-of-mutants
 
 sample-of-tests: $(VENV)/.dev
-	$(BIN)/python -m pytest -m "further and not soak" --sample 10 --sample-seed $(SEED)
+	$(BIN)/python -m pytest -m "further and not soak" --sample 6 --sample-seed $(SEED)
 
 sample-of-flights: $(VENV)/.dev
 	$(BIN)/python -m tests.faulty_campaign --attempts 1 --seed $(SEED)
@@ -70,8 +70,8 @@ sample-of-flights: $(VENV)/.dev
 	$(BIN)/python -m tests.flight.stop_proof --stops 2 --seed $(SEED)
 
 sample-of-mutants: $(VENV)/.dev
-	$(BIN)/python -m tests.mutation --sample 8 --seed $(SEED)
-	$(BIN)/python -m tests.firmware.mutation --sample 4 --seed $(SEED)
+	$(BIN)/python -m tests.mutation --sample 6 --seed $(SEED)
+	$(BIN)/python -m tests.firmware.mutation --sample 3 --seed $(SEED)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -88,7 +88,7 @@ def room_of(lab: int) -> int | None:
 @pytest.mark.parametrize(
     ("how", "code"),
     [
-        (signal.SIGINT, 130),
+        pytest.param(signal.SIGINT, 130, marks=pytest.mark.further),
         (signal.SIGTERM, 0),
         pytest.param(signal.SIGHUP, 0, marks=pytest.mark.further),  # heard in the same place as SIGTERM
         (None, 0),

@@ -186,6 +186,7 @@ FAILS = """
 """
 
 
+@pytest.mark.further
 def test_a_test_that_fails_leaves_its_record(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(FAILS)
     result = pytester.runpytest_subprocess(*STRICT, "--crazyflie-records", "kept")

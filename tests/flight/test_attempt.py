@@ -335,6 +335,7 @@ def test_a_trigger_that_does_not_come_ends_on_the_floor(lab: Watched, tmp_path: 
     assert told(result) == "region_missed"
 
 
+@pytest.mark.further
 def test_fly_reports_one_json_document(
     lab: Watched, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

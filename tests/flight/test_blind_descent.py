@@ -86,7 +86,7 @@ def assert_told(result: AttemptResult) -> None:
 @pytest.mark.parametrize(
     ("kind", "at"),
     [
-        ("mocap_occlude_at", "8.5"),
+        pytest.param("mocap_occlude_at", "8.5", marks=pytest.mark.further),
         pytest.param("mocap_freeze_at", "9.2", marks=pytest.mark.soak),
         pytest.param("mocap_dies_at", "9.35", marks=pytest.mark.soak),
     ],

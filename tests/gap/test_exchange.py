@@ -66,6 +66,7 @@ def looked_at(variables: tuple[Variable, ...]) -> tuple[Fitted, list[SelectionSt
     return present, left
 
 
+@pytest.mark.further
 def test_an_inertia_that_leaves_the_weak_thrust_to_the_nuisances_is_no_rival_of_a_scale() -> None:
     scaled = fitted(SCALE)
     found = {rival.effect: rival for rival in rivals(scaled, "thrust_scale", [], training())}

@@ -56,6 +56,7 @@ def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began() -> Non
     assert {shared.name for shared in shared_nuisances(reduced, model.base)} == missing
 
 
+@pytest.mark.further
 def test_what_loses_its_name_is_missing_again() -> None:
     vehicle = nominal(frame(), "gauge")
     model, rng = Model(vehicle), np.random.default_rng(1)

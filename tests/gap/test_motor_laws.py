@@ -48,6 +48,7 @@ def test_flights_tell_the_law(speed_law: bool) -> None:
     assert told == ([True] if speed_law else [])
 
 
+@pytest.mark.further
 def test_a_law_that_a_tachometer_told_is_not_asked_about() -> None:
     known = Model(with_law(VEHICLE, (15.0, 1e-4), (15.0, 1e-4)))
     records = flights(Hidden())

@@ -58,6 +58,7 @@ def test_vehicles_share_approaches_and_landings_without_any_coming_out_otherwise
     np.testing.assert_array_equal(table[:, 3], np.tile([0.0, 0.0, 1.0], (len(points), 1)))
 
 
+@pytest.mark.further
 def test_limits_that_change_nothing_are_not_flown_again(
     prepared: PreparedLandings, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,13 +21,19 @@ from tests.gap.truth.campaign import make_flights
 from tests.truth import tunnel
 
 SEED = 4
+STOCK = load_vehicle("crazyflie21-stock")
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+def flights(tmp_path_factory: pytest.TempPathFactory) -> list[Flight]:
     folder = tmp_path_factory.mktemp("flights")
-    files = make_flights("none", "medium", 3, 2, out=folder / "flights", answer=folder / "answer.json")
-    return open_flights(files[:1])[0][0]
+    files = make_flights("none", "medium", 3, 4, out=folder / "flights", answer=folder / "answer.json")
+    return list(open_flights(files)[0])
+
+
+@pytest.fixture(scope="module")
+def flight(flights: list[Flight]) -> Flight:
+    return flights[0]
 
 
 def reason(flight: Flight, **data: np.ndarray) -> str:
@@ -112,12 +118,11 @@ def test_motors_in_another_order_are_refused_by_name(flight: Flight, order: tupl
     """Such as PX4's, or clockwise from another corner: M1 is logged in the first column of `order`."""
     columns = [f"m{column + 1}" for column in order]
     numbered = {column: flight.data[f"m{motor}"] for motor, column in enumerate(columns, 1)}
-    vehicle = load_vehicle("crazyflie21-stock")
     (record,) = prepare_flights([replace(flight, data={**flight.data, **numbered})]).records
     said = ", ".join(f"M{motor} is in {column}" for motor, column in enumerate(columns, 1))
     with pytest.raises(MotorOrderError, match=said):
-        check_motor_order([record], vehicle)
-    check_motor_order(prepare_flights([flight]).records, vehicle)
+        check_motor_order([record], STOCK)
+    check_motor_order(prepare_flights([flight]).records, STOCK)
 
 
 def turned_by_a_quarter(flight: Flight) -> Flight:
@@ -137,11 +142,10 @@ def turned_by_a_quarter(flight: Flight) -> Flight:
 
 def test_rotors_that_turn_the_other_way_are_refused_by_name(flight: Flight) -> None:
     """In a frame that is turned by a quarter each rotor has its neighbour's place: again, and all is well."""
-    vehicle = load_vehicle("crazyflie21-stock")
     other_way = turned_by_a_quarter(flight)
     with pytest.raises(MotorOrderError, match="its rotors turn the other way"):
-        check_motor_order(prepare_flights([other_way]).records, vehicle)
-    check_motor_order(prepare_flights([turned_by_a_quarter(other_way)]).records, vehicle)
+        check_motor_order(prepare_flights([other_way]).records, STOCK)
+    check_motor_order(prepare_flights([turned_by_a_quarter(other_way)]).records, STOCK)
 
 
 @pytest.mark.parametrize(
@@ -218,20 +222,20 @@ def test_forces_of_poses_are_those_of_the_model_seen_alike(tmp_path: Path) -> No
     assert np.abs(np.nanmean(left, axis=0)).max() < 0.05
 
 
-def test_commands_in_another_range_carry_no_vehicle(tmp_path: Path) -> None:
-    truth = tunnel.draw(SEED, 0.0)
-    (file,) = tunnel.make_flights(truth, SEED, 1, tmp_path)
-    (record,) = prepare_flights(open_flights([file])[0]).records
-    carried, (never,) = with_voltages([replace(record, duty=0.02 * record.duty)], tunnel.nominal(truth))
+def test_commands_in_another_range_carry_no_vehicle(flights: list[Flight]) -> None:
+    """Of logs without a voltage, which the vehicle's weight has to tell."""
+    whole = flights[0]
+    data = {name: values for name, values in whole.data.items() if name != "vbat"}
+    valid = {name: known for name, known in whole.valid.items() if name != "vbat"}
+    (record,) = prepare_flights([replace(whole, data=data, valid=valid)]).records
+    carried, (never,) = with_voltages([replace(record, duty=0.02 * record.duty)], STOCK)
     assert carried == []
     assert "another range" in never.reason
 
 
-def test_a_flight_of_another_vehicle_is_refused_by_name(tmp_path: Path) -> None:
-    truth = tunnel.draw(SEED, 0.0)
-    files = tunnel.make_flights(truth, SEED, 4, tmp_path / "own")
-    records = list(prepare_flights(open_flights(files)[0]).records)
+def test_a_flight_of_another_vehicle_is_refused_by_name(flights: list[Flight]) -> None:
+    records = list(prepare_flights(flights).records)
     records[2] = replace(records[2], name="heavy", duty=1.2 * records[2].duty)
-    alike, refused = of_one_vehicle(records, tunnel.nominal(truth))
+    alike, refused = of_one_vehicle(records, STOCK)
     assert len(alike) == 3
     assert [(one.name, "another vehicle" in one.reason) for one in refused] == [("heavy", True)]

@@ -231,6 +231,7 @@ def test_what_readers_left_out_is_told_once_of_each_kind() -> None:
     assert told == [f"circle_rep0: {notes[0]} (and 1 more like it)"]
 
 
+@pytest.mark.further
 def test_public_flights(shared_data: Path) -> None:
     files = flight_files([shared_data / "nanobench"])
     assert len(files) == 20

@@ -59,6 +59,7 @@ def test_a_single_flight_of_shakes_that_is_kept_back_counts() -> None:
     assert np.median(alone[:, TORQUE.start]) < 0.1
 
 
+@pytest.mark.further
 def test_a_moment_holds_on_a_flight_harder_than_those_that_told_it() -> None:
     """Each model under a noise of its own, the one without the moment won on a flight of shakes by 107."""
     eight, shake, climbs = flights(Hidden(velocity_moment=(2e-4, -2e-4)))

@@ -38,6 +38,7 @@ def test_learns_a_smooth_moment():
     assert [layer.weights.shape for layer in fit.layers] == [(10, 3), (10, 10), (1, 10)]
 
 
+@pytest.mark.further
 def test_pairs_held_back_do_not_teach():
     scaled = np.random.default_rng(8).normal(size=(50, 3))
     moments = smooth_moment(scaled)

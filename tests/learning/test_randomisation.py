@@ -109,6 +109,7 @@ def test_preset_vehicle_draws_all_sigmas_and_only_possible_vehicles() -> None:
     assert nominal["drag"][0] == 0.0
 
 
+@pytest.mark.further
 def test_parameters_of_effects_are_drawn_too(tmp_path: Path) -> None:
     file = tmp_path / "near.toml"
     effects = """

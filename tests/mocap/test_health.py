@@ -241,6 +241,7 @@ def judge_flight(flight: np.ndarray, flipped: dict[int, Quaternion]) -> list[Pos
 
 
 @pytest.mark.slow
+@pytest.mark.further
 def test_no_false_alarm_on_real_flights(shared_data: Path):
     flights = real_flights(shared_data)
     assert sum(len(flight) for flight in flights) > 70_000

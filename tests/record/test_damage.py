@@ -116,6 +116,7 @@ flips = st.lists(
 @MORE
 @given(flips=flips)
 @example(flips=[(0.999999, 1)])
+@pytest.mark.further
 def test_a_closed_record_is_refused_or_right(
     closed: Path, tmp_path: Path, flips: list[tuple[float, int]]
 ) -> None:

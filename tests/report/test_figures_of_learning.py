@@ -54,6 +54,7 @@ def test_smoothing_keeps_to_what_was_measured() -> None:
     assert far.max() <= 0.9
 
 
+@pytest.mark.further
 def test_a_leg_study_is_reported_with_its_numbers(leg_study: Path) -> None:
     page = Page(leg_study / "report.html")
     assert_self_contained(page, leg_study)

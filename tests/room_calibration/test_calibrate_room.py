@@ -73,6 +73,7 @@ def measured(room: Path) -> tuple[dict[str, Any], LabFile]:
     return json.loads(said.getvalue()), before
 
 
+@pytest.mark.further  # docs/test_flight_day.py calibrates a room
 def test_a_room_with_wrong_values_is_recovered_within_the_uncertainty(
     measured: tuple[dict[str, Any], LabFile],
 ) -> None:
@@ -94,6 +95,7 @@ def test_a_room_with_wrong_values_is_recovered_within_the_uncertainty(
     assert 0.0 < found["trigger"]["u95_ceiling_s"] < found["trigger"]["u95_tau_s"] < 0.012
 
 
+@pytest.mark.further  # docs/test_flight_day.py calibrates a room
 def test_the_lab_file_says_it_and_keeps_the_rest(
     room: Path, measured: tuple[dict[str, Any], LabFile]
 ) -> None:
@@ -108,6 +110,7 @@ def test_the_lab_file_says_it_and_keeps_the_rest(
     assert read_lab(room / "found" / "lab-before.toml") == before
 
 
+@pytest.mark.further  # docs/test_flight_day.py calibrates a room
 def test_its_flight_is_a_morning_check_as_well_and_feeds_the_gap_finder(
     room: Path, measured: tuple[dict[str, Any], LabFile], tmp_path: Path
 ) -> None:
@@ -148,6 +151,7 @@ def test_its_flight_is_a_morning_check_as_well_and_feeds_the_gap_finder(
     assert flight.flying.sum() * flight.dt > course.duration
 
 
+@pytest.mark.further  # docs/test_flight_day.py calibrates a room
 def test_done_steps_are_not_done_again(
     room: Path,
     measured: tuple[dict[str, Any], LabFile],
@@ -252,6 +256,7 @@ subject = "cf1"
 """
 
 
+@pytest.mark.further  # docs/test_flight_day.py calibrates a room
 def test_who_interrupts_it_is_told_that_it_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
