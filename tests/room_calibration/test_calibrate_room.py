@@ -186,6 +186,7 @@ def test_a_missing_step_says_what_it_waits_for(
     assert "rest_1" in (tmp_path / "state.json").read_text(encoding="utf-8")
 
 
+@pytest.mark.further  # docs/test_flight_day.py calibrates a room
 def test_rests_that_cannot_be_used_are_forgotten_and_the_touches_kept(
     room: Path,
     measured: tuple[dict[str, Any], LabFile],
@@ -256,7 +257,6 @@ subject = "cf1"
 """
 
 
-@pytest.mark.further  # docs/test_flight_day.py calibrates a room
 def test_who_interrupts_it_is_told_that_it_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
