@@ -298,6 +298,7 @@ def test_a_folder_that_cannot_be_written_is_named(
     assert f"{out}: cannot be written" in errors
 
 
+@pytest.mark.further
 def test_status_and_report_of_a_campaign(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     from perchhw.campaign import load_plan, run_campaign
 

@@ -47,6 +47,14 @@ def synopses(page: Path) -> list[str]:
     return [line.split("#")[0].strip() for line in lines if " is " not in line]
 
 
+TWINS = {
+    "flying.md": pytest.mark.soak,  # three flights, as docs/flight_day.md flies one
+    "doctor.md": pytest.mark.further,  # as that of docs/flight_day.md
+    "rehearsal.md": pytest.mark.further,  # tests/rehearsal
+}
+"""Pages whose commands other tests give in make test."""
+
+
 @pytest.fixture(scope="module")
 def lab() -> Iterator[SimulatedLab]:
     """One for all pages: those whose commands move nothing, then the one that flies."""
@@ -57,8 +65,7 @@ def lab() -> Iterator[SimulatedLab]:
 @pytest.mark.parametrize(
     "page",
     [
-        # Three flights; docs/flight_day.md shows the same command line, and test_flight_day flies it.
-        pytest.param(p, marks=pytest.mark.soak) if p.name == "flying.md" else p
+        pytest.param(p, marks=TWINS[p.name]) if p.name in TWINS else p
         for p in sorted(PAGES, key=lambda page: page.name == "flying.md")
         if run_here(p) and BENCH not in console_lines(p) and p.name != "flight_day.md"
     ],

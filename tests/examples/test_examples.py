@@ -27,8 +27,8 @@ SAID = {
 """By script: its arguments, and the essential lines that it prints."""
 
 
-TWINS = ("campaign.py", "gap_in_own_csv.py")
-"""What tests/campaign and tests/gap do in the same way: in the samples and the long proofs."""
+TWINS = ("campaign.py", "gap_in_own_csv.py", "one_landing.py")
+"""What tests/campaign, tests/gap and tests/flight do in the same way: in the samples and the long proofs."""
 
 
 @pytest.mark.slow

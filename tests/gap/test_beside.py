@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+import pytest
 
 from calibration.gap.estimate.acceptance import judge
 from calibration.gap.estimate.model import Model, Variable
@@ -50,6 +51,7 @@ def better(effect: str, than: str) -> bool:
     return explained_better((candidate, fitted), gain, [other], none(), training())
 
 
+@pytest.mark.further
 def test_what_a_slow_motor_explains_better_is_named_nothing_else() -> None:
     assert offered("inertia_error")[2] > 500.0
     assert better("inertia_error", than="motor_lag")

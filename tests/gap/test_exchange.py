@@ -139,6 +139,7 @@ def test_a_scale_takes_the_place_of_an_inertia_that_was_named_for_it() -> None:
     assert present.model.values == {SCALE: pytest.approx(0.9, abs=0.02)}
 
 
+@pytest.mark.further
 def test_one_scale_takes_the_place_of_a_mass_and_an_inertia() -> None:
     """What is left of the inertia is what the vehicle file lacks: too small for a name."""
     present, _ = looked_at((MASS, *INERTIAS))

@@ -37,6 +37,7 @@ def measured(record: FlightRecord) -> FloatArray:
     return record.voltage
 
 
+@pytest.mark.further
 def test_it_is_what_was_measured(flown: Sequence[FlightRecord], vehicle: Vehicle) -> None:
     for flight in evaluate([without(record) for record in flown], vehicle).flights:
         (record,) = (one for one in flown if one.name == flight.record.name)

@@ -72,6 +72,7 @@ def follow(targets: np.ndarray, rates: Callable[[np.ndarray, np.ndarray], np.nda
     return values
 
 
+@pytest.mark.further
 def test_its_rotors_bend_no_thrust_beside_their_laws() -> None:
     """The vehicle T350, whose rotors rise in first order and fall by drag: its owner's file, which says
     neither, lacks what looks like a bent map of -2 to -3 %, and with the laws that are fitted beside every

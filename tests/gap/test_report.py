@@ -280,6 +280,7 @@ def test_bands_are_quantiles_of_equal_parts() -> None:
     assert quantile_bands(x[:5], x[:5])[0].size == 0
 
 
+@pytest.mark.further
 def test_predictions_of_one_model_after_the_other_fill_the_report(tmp_path: Path) -> None:
     believed = load_vehicle("crazyflie21-upgraded-stored")
     scale, drag = {"thrust_scale": {"scale": 0.94}}, {"rotor_drag": {"coefficient": 4e-6}}

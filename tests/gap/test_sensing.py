@@ -200,7 +200,12 @@ def test_all_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    "seeds", [range(100, 103), pytest.param(range(103, 120), marks=pytest.mark.soak)], ids=["few", "more"]
+    "seeds",
+    [
+        pytest.param(range(100, 103), marks=pytest.mark.further),
+        pytest.param(range(103, 120), marks=pytest.mark.soak),
+    ],
+    ids=["few", "more"],
 )
 def test_nothing_is_claimed_of_good_sensors(seeds: range) -> None:
     for seed in seeds:

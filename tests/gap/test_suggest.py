@@ -136,6 +136,7 @@ def test_a_file_that_is_no_report_is_refused(text: str, message: str, tmp_path: 
         read_questions(path)
 
 
+@pytest.mark.further
 def test_a_question_that_no_flight_answers_gets_its_measurement(tmp_path: Path) -> None:
     path = report(tmp_path)
     kinds = ("thrust_steps", "circles", "tour")

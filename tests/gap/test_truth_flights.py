@@ -56,6 +56,7 @@ def fly(p: np.ndarray, shape: str = "attitude_chirp") -> HiddenFlight:
     return hidden_flight(p, shape, shape, 3, 0)
 
 
+@pytest.mark.further
 def test_delay_sag_and_sensors_in_flight(vehicle: np.ndarray) -> None:
     plain, late = fly(vehicle), fly(with_effect(vehicle, "command_delay", delay=0.0085))
 
@@ -156,6 +157,7 @@ def test_sensor_noise_is_as_specified(flights: dict[str, HiddenFlight]) -> None:
     assert np.std(bias) == pytest.approx(0.03, rel=0.35)
 
 
+@pytest.mark.further
 def test_the_air_is_coloured_as_specified(flights: dict[str, HiddenFlight], vehicle: np.ndarray) -> None:
     gusts = np.array([f.gusts for f in flights.values()])
     force, torque = gusts[..., :3] / MASS, gusts[..., 3:] / INERTIA

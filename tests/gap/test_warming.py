@@ -91,6 +91,7 @@ def test_scales_that_differ_between_flights_are_no_fall() -> None:
     assert abs(found.model.values[LOSS]) < 0.003
 
 
+@pytest.mark.further
 def test_that_all_flights_begin_with_more_thrust_is_no_scatter_of_their_parts() -> None:
     none, found, _ = fitted(True)
     assert [shared.name for shared in shared_courses(none)] == ["thrust_scale at first"]

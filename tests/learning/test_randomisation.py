@@ -88,6 +88,7 @@ def test_what_follows_from_a_quantity_follows_exactly() -> None:
     assert len(np.unique(pool["reach"])) == POOL
 
 
+@pytest.mark.further
 def test_a_name_replaces_the_preset() -> None:
     drawn = _drawn(LearningSetup(domain="paper", randomise=("body.mass=0.003",)))
     assert np.std(drawn["mass"]) == pytest.approx(0.003, rel=0.15)
@@ -95,6 +96,7 @@ def test_a_name_replaces_the_preset() -> None:
     assert np.std(drawn["inertia"][:, 1]) == pytest.approx(PAPER.inertia_yy, rel=0.05)
 
 
+@pytest.mark.further
 def test_preset_vehicle_draws_all_sigmas_and_only_possible_vehicles() -> None:
     stored = LearningSetup(vehicle="crazyflie21-upgraded-stored", domain="vehicle")
     drawn = _drawn(stored, 1000)

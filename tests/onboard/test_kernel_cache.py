@@ -167,6 +167,7 @@ def test_a_kernel_whose_file_is_damaged_is_compiled_anew(project: Path, suffix: 
 
 
 @pytest.mark.slow
+@pytest.mark.further
 def test_a_disk_that_takes_no_kernel_costs_the_time_to_compile_it(project: Path) -> None:
     put_value(project, 1)
     no_room = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "

@@ -140,6 +140,7 @@ def test_what_is_not_damaged_is_not_called_so(closed: Path, killed: Path, tmp_pa
     assert same(read_run(killed), read_run(closed))
 
 
+@pytest.mark.further
 def test_every_single_bit_of_a_closed_record(closed: Path, tmp_path: Path) -> None:
     whole = read_run(closed)
     data = (closed / "series.mcap").read_bytes()

@@ -71,6 +71,7 @@ def test_a_leg_study_fits_a_phone(leg_study: Path, tmp_path: Path) -> None:
     assert_they_fit([leg_study / "report.html"], tmp_path)
 
 
+@pytest.mark.further
 def test_the_factors_figure_has_the_medians_of_the_landings(leg_study: Path) -> None:
     with report_style():
         figure = factors_by_angle(read_leg_study(leg_study))

@@ -150,7 +150,7 @@ def test_each_fault_has_its_finding() -> None:
         analyse(dataclasses.replace(run, kind=tuple("point" for _ in run.kind)))
 
 
-@pytest.mark.parametrize("name", ["L250", "T350", "DC"])
+@pytest.mark.parametrize("name", some(["L250", "T350", "DC"], 3))
 @pytest.mark.parametrize("seed", some(range(2), 2))
 def test_one_point_that_strays_is_told_and_scatter_is_not(name: str, seed: int) -> None:
     run = record(name, np.random.default_rng(seed), motors=4)
@@ -185,6 +185,7 @@ def test_a_voltage_below_zero_is_refused_by_its_row(tmp_path: Path) -> None:
         read_table(tmp_path / "run.csv")
 
 
+@pytest.mark.further
 def test_curves_that_disagree_are_found() -> None:
     two = record("L250", np.random.default_rng(0), motors=4, supplies=(3.5, 4.1))
     assert "supplies_differ" not in codes(two)
