@@ -15,6 +15,7 @@ from calibration.gap.landings import LandingFindings, LandingVerdict
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay import evaluate, fly_again
 from calibration.gap.report.document import (
+    METRIC,
     AmbiguousSet,
     Gap,
     GapReport,
@@ -26,14 +27,9 @@ from calibration.gap.report.document import (
     Where,
     leaves,
 )
-from calibration.gap.report.drawings import quantile_bands
-from calibration.gap.report.figures_data import AlongRegressor, HorizonCurves, ReportFigures
-from calibration.gap.report.prediction_figures import (
-    channel_bars,
-    horizon_curves,
-    phase_bars,
-    prediction_gap,
-)
+from calibration.gap.report.drawings import CURVES, quantile_bands
+from calibration.gap.report.figures_data import AlongRegressor, ReportFigures
+from calibration.gap.report.prediction_figures import prediction_gap, stage_gaps
 from calibration.gap.report.words import number, unexplained_in_words
 from calibration.gap.report.writing import ReportFolderError, write_report
 from calibration.gap.unnamed.gap_map import GapMap
@@ -76,10 +72,12 @@ def report(**changes: Any) -> GapReport:
         gap=Gap(
             metric="position error after 1 s, attitude given",
             overall=Levels(before=1.013, after=0.4021, noise_floor=0.3024, unit="m"),
-            by_horizon={"0.5": Levels(before=0.2531, after=0.1232, noise_floor=0.0833, unit="m")},
+            predictions={
+                METRIC: {0.5: Levels(before=0.2531, after=0.1232, noise_floor=0.0833, unit="m")},
+                "attitude, all predicted": {0.1: Levels(before=1.638, after=1.239, unit="deg")},
+            },
             by_channel={"force_z": Levels(before=0.7134, after=0.2135, unit="m/s")},
             by_phase={"near_ceiling": Levels(before=1.536, after=0.5137, unit="m")},
-            by_quantity={"attitude after 0.1 s": Levels(before=1.638, after=1.239, unit="deg")},
         ),
         where=(Where(channel="force_z", condition="vbat < 3.4 V & fast", share=0.6241),),
         unexplained=Unexplained(
@@ -121,10 +119,16 @@ def gap_map(share: list[list[float]]) -> GapMap:
     return GapMap(*names, np.array(share), chance, np.ones((2, 3)), ())
 
 
+def gap_of_stage(share: float) -> Gap:
+    """Errors that are this share of those before, at two horizons."""
+    curve = {t: Levels(before=t, after=share * t, noise_floor=0.2 * t, unit="m") for t in (0.1, 1.0)}
+    return Gap(metric="error", overall=curve[1.0], predictions=dict.fromkeys(CURVES, curve))
+
+
 def figures() -> ReportFigures:
     """One of each kind, with a name that must be escaped."""
-    horizons, x = np.array([0.1, 1.0]), RNG.uniform(3.0, 4.0, 300)
-    noise = RNG.normal(size=300)
+    x, noise = RNG.uniform(3.0, 4.0, 300), RNG.normal(size=300)
+    shares = {"before": 1.0, "+ drag & lag": 0.5, "after": 0.3}
     return ReportFigures(
         effects=(
             AlongRegressor(
@@ -138,15 +142,7 @@ def figures() -> ReportFigures:
                 second=x,
             ),
         ),
-        horizons=(
-            HorizonCurves(
-                quantity="position <given>",
-                unit="m",
-                horizons=horizons,
-                stages={"before": horizons, "+ drag & lag": 0.5 * horizons, "after": 0.3 * horizons},
-                floor=0.2 * horizons,
-            ),
-        ),
+        stages={name: gap_of_stage(share) for name, share in shares.items()},
         heat_map=(
             gap_map([[0.1, 0.8, np.nan], [0.0, 0.2, 0.3]]),
             gap_map([[0.1, 0.02, np.nan], [0.0, 0.2, 0.1]]),
@@ -192,6 +188,8 @@ def test_the_document_is_that_of_the_contract(tmp_path: Path) -> None:
     }
     assert gap["closed_share"] == pytest.approx((1.013 - 0.4021) / (1.013 - 0.3024))
     assert {"by_horizon", "by_channel", "by_phase"} <= set(gap)
+    assert gap["by_horizon"]["0.5"]["after"] == 0.1232
+    assert gap["by_quantity"]["attitude after 0.1 s, all predicted"]["after"] == 1.239
     assert document["where"] == [{"channel": "force_z", "condition": "vbat < 3.4 V & fast", "share": 0.6241}]
     assert set(document["unexplained"]) == {"share", "channels", "suspects", "formula"}
     assert document["flights"] == {
@@ -296,17 +294,14 @@ def test_predictions_of_one_model_after_the_other_fill_the_report(tmp_path: Path
     share = gap.overall.closed_share
     assert share is not None
     assert share > 0.95
-    assert gap.overall == gap.by_horizon["1.0"]
+    assert gap.overall == gap.by_horizon[1.0]
     assert gap.by_channel["force_z"].after < 0.1 * gap.by_channel["force_z"].before
     assert gap.by_phase["vertical"].noise_floor is not None
-    drawn = ReportFigures(
-        horizons=horizon_curves(stages),
-        channels=channel_bars(stages),
-        phases=phase_bars(stages),
-        closed_loop=again,
-    )
-    position = drawn.horizons[0].stages
-    assert position["before"][-1] > position["+ thrust scale"][-1] > position["+ rotor drag"][-1]
+    gaps = stage_gaps(stages)
+    position = [one.by_horizon[1.0].after for one in gaps.values()]
+    assert position == sorted(position, reverse=True)
+    assert gaps["+ rotor drag"] == gap
+    drawn = ReportFigures(stages=gaps, closed_loop=again)
     page = Page(write_report(report(gap=gap), tmp_path, drawn))
     assert page.svgs == 5  # horizons for two widths
     assert "laps" in page.text

@@ -18,6 +18,9 @@ from onboard.json_file import as_json
 
 SCHEMA = "perchhw.gap/1"
 
+METRIC = "position, attitude given"
+"""The quantity whose error stands for the whole gap."""
+
 
 class GapVerdict(StrEnum):
     """What the search came to."""
@@ -52,24 +55,45 @@ class Gap:
     Attributes:
         metric: what `overall` is, in words, such as "position error after 1 s, attitude given".
         overall: its levels; the unit is that of the metric.
-        by_horizon: levels of the metric by horizon in seconds ("0.5").
+        predictions: levels of each predicted quantity, by its name in words ("velocity, attitude given") and
+            by horizon (s); those of the metric's own quantity (:data:`METRIC`) among them.
         by_channel: levels by channel ("force_z").
         by_phase: levels of the metric by phase of flight ("near_ceiling").
-        by_quantity: levels of anything else, by its name in words ("velocity after 0.5 s, attitude given").
     """
 
     metric: str
     overall: Levels
-    by_horizon: Mapping[str, Levels] = field(default_factory=dict)
+    predictions: Mapping[str, Mapping[float, Levels]] = field(default_factory=dict)
     by_channel: Mapping[str, Levels] = field(default_factory=dict)
     by_phase: Mapping[str, Levels] = field(default_factory=dict)
-    by_quantity: Mapping[str, Levels] = field(default_factory=dict)
+
+    @property
+    def by_horizon(self) -> dict[float, Levels]:
+        """Levels of the metric's own quantity by horizon (s)."""
+        return dict(self.predictions.get(METRIC, {}))
+
+    @property
+    def by_quantity(self) -> dict[str, Levels]:
+        """Levels of all other quantities, by name ("velocity after 0.5 s, attitude given")."""
+        return {
+            f"{name} after {horizon:g} s, {way}": levels
+            for quantity, by_horizon in self.predictions.items()
+            if quantity != METRIC
+            for name, _, way in [quantity.partition(", ")]
+            for horizon, levels in by_horizon.items()
+        }
 
     def json_shape(self) -> dict[str, Any]:
         """As in the contract; the share of the removable gap that was closed stands beside it."""
-        parts = {name: part for name, part in vars(self).items() if name.startswith("by_")}
-        closed = {"closed_share": self.overall.closed_share}
-        return {"metric": self.metric, **vars(self.overall), **closed, **parts}
+        return {
+            "metric": self.metric,
+            **vars(self.overall),
+            "closed_share": self.overall.closed_share,
+            "by_horizon": self.by_horizon,
+            "by_channel": self.by_channel,
+            "by_phase": self.by_phase,
+            "by_quantity": self.by_quantity,
+        }
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
-from calibration.gap.report.figures_data import AlongRegressor, HorizonCurves, StageBars
+from calibration.gap.report.document import METRIC, Gap, Levels
+from calibration.gap.report.figures_data import AlongRegressor
 from calibration.gap.report.words import plain
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.report_style import BLUE, INK, MUTED, ORANGE, new_figure
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BEFORE, _AFTER, _FLOOR = ORANGE, BLUE, MUTED
+CURVES = (METRIC, "velocity, attitude given", "attitude, all predicted")
+"""Quantities that are drawn against the horizon."""
+
 _PARTS = 14
 """Parts of equal count that a cloud is drawn in."""
 _FEWEST = 8
@@ -37,50 +41,56 @@ def stage_colours(stages: Iterable[str]) -> dict[str, object]:
     return {**between, names[-1]: _AFTER, names[0]: _BEFORE}
 
 
-def horizon_panels(panels: tuple[HorizonCurves, ...], broad: bool) -> "Figure":
+def horizon_panels(stages: Mapping[str, Gap], broad: bool) -> "Figure":
     """Errors against the horizon, one panel a quantity, one curve a stage, the floor dashed."""
-    figure, axes = _panels(len(panels), 3.1, _ROW if broad else 1)
-    for panel, data in zip(axes, panels, strict=True):
-        colours = stage_colours(data.stages)
-        for name, errors in data.stages.items():
-            ends = name in (next(iter(data.stages)), list(data.stages)[-1])
-            panel.plot(
-                data.horizons, errors, "o-", ms=4, lw=2.0 if ends else 1.2, color=colours[name], label=name
-            )
-        if data.floor is not None:
-            panel.plot(data.horizons, data.floor, "--", lw=1.4, color=_FLOOR, label="floor")
-        panel.set(xlabel="s ahead", ylabel=data.unit, xscale="log", yscale="log")
-        panel.set_xticks(data.horizons, [f"{h:g}" for h in data.horizons])
+    gaps, colours = list(stages.values()), stage_colours(stages)
+    figure, axes = _panels(len(CURVES), 3.1, _ROW if broad else 1)
+    for panel, quantity in zip(axes, CURVES, strict=True):
+        for name, gap in stages.items():
+            errors = {horizon: one.after for horizon, one in gap.predictions[quantity].items()}
+            width = 2.0 if gap in (gaps[0], gaps[-1]) else 1.2
+            panel.plot([*errors], [*errors.values()], "o-", ms=4, lw=width, color=colours[name], label=name)
+        levels = gaps[0].predictions[quantity]
+        floor = {horizon: one.noise_floor for horizon, one in levels.items() if one.noise_floor is not None}
+        if floor:
+            panel.plot([*floor], [*floor.values()], "--", lw=1.4, color=_FLOOR, label="floor")
+        panel.set(xlabel="s ahead", ylabel=next(iter(levels.values())).unit, xscale="log", yscale="log")
+        panel.set_xticks([*levels], [f"{horizon:g}" for horizon in levels])
         panel.minorticks_off()
         _plain_decades(panel)
-        panel.set_title(data.quantity, fontsize=9.5, loc="left")
+        panel.set_title(quantity, fontsize=9.5, loc="left")
     _shared_legend(figure, axes)
     return figure
 
 
-def stage_bars(data: StageBars) -> "Figure":
-    """Grouped bars; a dash marks the floor."""
-    count, labels = len(data.stages), len(data.labels)
-    figure = new_figure(5.2, max(2.0, 0.5 + labels * (0.16 * count + 0.14)))
+def stage_bars(stages: Mapping[str, Mapping[str, Levels]], along: str, relative: bool) -> "Figure":
+    """Grouped bars, one a stage for each label; a dash marks the floor.
+
+    Args:
+        stages: levels by label, of each stage by name.
+        along: what the axis says.
+        relative: whether to draw shares of what was before, instead of numbers in their unit.
+    """
+    first = next(iter(stages.values()))
+    units = {label: levels.before if relative else 1.0 for label, levels in first.items()}
+    figure = new_figure(5.2, max(2.0, 0.5 + len(first) * (0.16 * len(stages) + 0.14)))
     axes = figure.add_subplot()
-    colours = stage_colours(data.stages)
-    height = 0.8 / count
-    at = np.arange(labels)
+    colours = stage_colours(stages)
+    height = 0.8 / len(stages)
+    at = np.arange(len(first))
     handles: dict[str, Any] = {}
-    for index, (name, values) in enumerate(data.stages.items()):
-        offset = (index - 0.5 * (count - 1)) * height
-        handles[name] = axes.barh(
-            at + offset, np.nan_to_num(values), height=0.92 * height, color=colours[name]
-        )
-    if data.floor is not None:
-        for y, value in zip(at, data.floor, strict=True):
-            if np.isfinite(value):
-                ends = [y - 0.42, y + 0.42]
-                handles["floor"] = axes.plot([value, value], ends, color=INK, lw=1.6)[0]
-    axes.set_yticks(at, [plain(label) for label in data.labels])
+    for index, (name, levels) in enumerate(stages.items()):
+        offset = (index - 0.5 * (len(stages) - 1)) * height
+        lengths = [levels[label].after / unit if label in levels else 0.0 for label, unit in units.items()]
+        handles[name] = axes.barh(at + offset, lengths, height=0.92 * height, color=colours[name])
+    for y, (label, unit) in zip(at, units.items(), strict=True):
+        floor = first[label].noise_floor
+        if floor is not None:
+            handles["floor"] = axes.plot([floor / unit] * 2, [y - 0.42, y + 0.42], color=INK, lw=1.6)[0]
+    axes.set_yticks(at, [plain(label) for label in units])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(data.unit)
+    axes.set_xlabel(along)
     _legend(figure, handles)
     return figure
 

@@ -14,11 +14,7 @@ from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Gap, NamelessTerms, Rejected, Unexplained, Where
 from calibration.gap.report.effect_pictures import averaged, effect_pictures
 from calibration.gap.report.figures_data import AlongRegressor, ReportFigures
-from calibration.gap.report.prediction_figures import (
-    channel_bars,
-    horizon_curves,
-    phase_bars,
-)
+from calibration.gap.report.prediction_figures import stage_gaps
 from calibration.gap.search.forward import Search
 from calibration.gap.search.nameless import Nameless
 from calibration.gap.search.naming import Named
@@ -94,9 +90,7 @@ def figures(
     """
     return ReportFigures(
         effects=effect_pictures(names.effects, found.final, training),
-        horizons=horizon_curves(stages),
-        channels=channel_bars(stages),
-        phases=phase_bars(stages),
+        stages=stage_gaps(stages),
         heat_map=maps,
         clouds=_clouds(maps[0], found, training),
         closed_loop=_flown_again(names, held_out),

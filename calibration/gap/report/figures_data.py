@@ -9,44 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
+from calibration.gap.report.document import Gap
 from calibration.gap.unnamed.gap_map import GapMap
 from onboard.arrays import FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
-class HorizonCurves:
-    """Error against how far ahead, one curve a stage.
-
-    Attributes:
-        quantity: such as "position, attitude given".
-        unit: of the errors.
-        horizons: s, shape (h,).
-        stages: errors by stage, each shape (h,).
-        floor: what no model could beat, shape (h,); None where it is not known.
-    """
-
-    quantity: str
-    unit: str
-    horizons: FloatArray
-    stages: Mapping[str, FloatArray]
-    floor: FloatArray | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class StageBars:
-    """One number a stage for each of some labels: channels, phases.
-
-    Attributes:
-        unit: of all numbers, such as "share of before".
-        labels: shape (k,).
-        stages: numbers by stage, each shape (k,); NaN where a label has none.
-        floor: shape (k,), or None.
-    """
-
-    unit: str
-    labels: tuple[str, ...]
-    stages: Mapping[str, FloatArray]
-    floor: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,17 +42,14 @@ class ReportFigures:
 
     Attributes:
         effects: one picture per named effect.
-        horizons: one panel each.
-        channels, phases: bars by channel and by phase of flight.
+        stages: the gap of each stage, held against the first.
         heat_map: where the residual lived before, and lives after.
         clouds: residuals against regressors, most telling first.
         closed_loop: a held-out flight, flown again by the models of some stages.
     """
 
     effects: tuple[AlongRegressor, ...] = ()
-    horizons: tuple[HorizonCurves, ...] = ()
-    channels: StageBars | None = None
-    phases: StageBars | None = None
+    stages: Mapping[str, Gap] = field(default_factory=dict)
     heat_map: tuple[GapMap, GapMap] | None = None
     clouds: tuple[AlongRegressor, ...] = ()
     closed_loop: Mapping[str, ClosedLoopFlight] = field(default_factory=dict)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from html import escape
+from operator import attrgetter
 from typing import Any
 
 from calibration.gap.data.found import FoundEffect
@@ -9,7 +10,7 @@ from calibration.gap.landings import LandingFindings
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report import drawings, words
-from calibration.gap.report.document import GapReport, GapVerdict, Levels, leaves
+from calibration.gap.report.document import Gap, GapReport, GapVerdict, Levels, leaves
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.words import interval, number, plain, unit
 from calibration.report_style import by_width, grid, page, report_style, section, svg, table, text_table
@@ -140,33 +141,34 @@ def _probability(effect: FoundEffect) -> str:
 
 
 def _gap(report: GapReport, figures: ReportFigures) -> Iterator[str]:
-    drawing = _horizons(figures) if figures.horizons else ""
-    if drawing or report.gap.by_horizon or report.gap.by_quantity:
-        metric = {f"{horizon} s ahead": level for horizon, level in report.gap.by_horizon.items()}
-        others = _folded("other predictions", _levels(report.gap.by_quantity, "prediction"))
+    gap, stages = report.gap, figures.stages
+    drawing = _horizons(stages) if stages else ""
+    if drawing or gap.predictions:
+        metric = {f"{horizon:g} s ahead": level for horizon, level in gap.by_horizon.items()}
+        others = _folded("other predictions", _levels(gap.by_quantity, "prediction"))
         yield section(
             "The gap by horizon",
-            drawing + _levels(metric, report.gap.metric.split(" after ")[0]) + others,
+            drawing + _levels(metric, gap.metric.split(" after ")[0]) + others,
             "Mean errors on flights that no fit saw. The floor is what gyro and accelerometer give in place "
             "of the model.",
         )
     parts = []
-    for title, bars, levels in (
-        ("The gap by channel", figures.channels, report.gap.by_channel),
-        ("The gap by phase of flight", figures.phases, report.gap.by_phase),
+    for title, of, along, relative in (
+        ("The gap by channel", attrgetter("by_channel"), "share of before", True),
+        ("The gap by phase of flight", attrgetter("by_phase"), f"{gap.metric}, {gap.overall.unit}", False),
     ):
-        if bars is None and not levels:
-            continue
-        drawn = "" if bars is None else svg(drawings.stage_bars(bars), f"{title}, before and after")
-        parts.append(section(title, drawn + _levels(levels, "")))
+        drawn, levels = {name: of(one) for name, one in stages.items()}, of(gap)
+        bars = drawings.stage_bars(drawn, along, relative) if any(drawn.values()) else None
+        if levels:
+            image = "" if bars is None else svg(bars, f"{title}, before and after")
+            parts.append(section(title, image + _levels(levels, "")))
     if parts:
         yield grid(parts)
 
 
-def _horizons(figures: ReportFigures) -> str:
-    names = ", ".join(panel.quantity for panel in figures.horizons)
-    alt = f"Errors of prediction against how far ahead, before and after: {names}"
-    return by_width(lambda broad: drawings.horizon_panels(figures.horizons, broad), alt)
+def _horizons(stages: Mapping[str, Gap]) -> str:
+    alt = f"Errors of prediction against how far ahead, before and after: {', '.join(drawings.CURVES)}"
+    return by_width(lambda broad: drawings.horizon_panels(stages, broad), alt)
 
 
 def _levels(levels: Mapping[str, Levels], heading: str) -> str:
