@@ -168,16 +168,17 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
     screen.print(listed)
     found = report.score
     if found is not None:
-        low, high = found.gain_interval
+        low, high = found.brier_gain_ci95
         say(
             screen,
-            f"Brier {found.brier:.2f}, base rate {found.brier_base:.2f} (in sample "
-            f"{found.brier_base_in_sample:.2f}); difference {found.gain:+.2f} ({low:+.2f} to {high:+.2f})",
+            f"Brier {found.brier:.2f}, base rate {found.brier_base_rate:.2f} (in sample "
+            f"{found.brier_base_rate_in_sample:.2f}); difference {found.brier_gain:+.2f} "
+            f"({low:+.2f} to {high:+.2f})",
         )
-        screen.print(f"log score {found.log:.2f}, base rate {found.log_base:.2f}")
+        screen.print(f"log score {found.log_score:.2f}, base rate {found.log_score_base_rate:.2f}")
         if found.auc_four is not None:
             screen.print(f"AUC of four legs {found.auc_four:.2f}")
-        for word, count in zip(("four", "two", "none"), found.counts, strict=True):
+        for word, count in found.counts.items():
             low_count, high_count = count.interval80
             screen.print(
                 f"{word}: {count.real} real, {count.expected:.1f} expected "
@@ -210,10 +211,12 @@ def _tell_search(found: "OutcomeSearch") -> None:
         values = ", ".join(
             f"{name} {mean:.3g} +- {sigma:.2g}" for name, (mean, sigma, _) in fit.values.items()
         )
-        scores = (f"{value:.3f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base_rate))
+        scores = (
+            f"{value:.3f}" for value in (one.brier, one.brier_base_rate, half.brier, half.brier_base_rate)
+        )
         table.add_row(fit.name, *scores, "" if one.auc_four is None else f"{one.auc_four:.2f}", values)
     screen.print(table)
-    for group, (gain, (low, high)) in found.gains.items():
+    for group, gain in found.gains.items():
         verdict = (
             "wrong"
             if group in found.named
@@ -221,4 +224,7 @@ def _tell_search(found: "OutcomeSearch") -> None:
             if group in found.left_open
             else "another law does better"
         )
-        say(screen, f"{group}: {verdict} (Brier {gain:+.3f}, {low:+.3f} to {high:+.3f})")
+        say(
+            screen,
+            f"{group}: {verdict} (Brier {gain.brier:+.3f}, {gain.ci95[0]:+.3f} to {gain.ci95[1]:+.3f})",
+        )

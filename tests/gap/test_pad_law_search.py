@@ -49,8 +49,8 @@ def test_the_law_that_knows_which_flights_hold_is_named_and_the_other_one_refute
     found = searched(KNOWS, RATES_ALONE) if knows == "pads" else searched(RATES_ALONE, KNOWS)
     assert found.named == (knows,)
     assert knows in found.best.groups
-    assert found.gains[other][0] < 0.0  # better than nothing
-    assert found.behind[other][1][0] > 0.0
+    assert found.gains[other].brier < 0.0  # better than nothing
+    assert found.laws[other].ci95[0] > 0.0
     assert other not in found.left_open
 
 

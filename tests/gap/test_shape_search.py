@@ -56,14 +56,14 @@ def test_a_shape_that_changes_nothing_is_left_open(group: str) -> None:
     found = searched(group, RATES_ALONE, RATES_ALONE)
     assert found.named == ("pads",)
     assert group in found.left_open
-    assert found.gains[group][0] == pytest.approx(0.0, abs=1e-9)
+    assert found.gains[group].brier == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.further
 def test_laws_of_pads_are_compared_with_what_all_of_them_were_tried_with() -> None:
     """A shape beside the speed helps the speed, and not against the other laws."""
     alone, beside = searched("hull", RATES_ALONE, RATES_ALONE), searched("hull", RATES_ALONE, KNOWS)
-    assert beside.behind["angle"][0] == pytest.approx(alone.behind["angle"][0], abs=1e-12)
+    assert beside.laws["angle"].brier == pytest.approx(alone.laws["angle"].brier, abs=1e-12)
 
 
 def shaped() -> Vehicle:

@@ -1,12 +1,13 @@
 """The page of ``perchhw gap landings``: predicted beside real outcomes, and each flight's motion."""
 
+from collections.abc import Iterator
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from calibration.gap.landings.kernels import COLUMNS, OMEGA
-from calibration.gap.landings.outcomes.document import LandingReport
+from calibration.gap.landings.outcomes.document import LandingReport, classified
 from calibration.gap.landings.outcomes.kernels import trace_flips
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
 from calibration.gap.landings.outcomes.predict import scattered
@@ -30,7 +31,6 @@ from calibration.report_style import (
     table,
     text_table,
 )
-from onboard.arrays import FloatArray
 from onboard.json_file import as_json
 
 if TYPE_CHECKING:
@@ -52,31 +52,44 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
         report: what to show. parameters: physics of its vehicle, for the motions.
     """
     with report_style():
-        parts = [section("What the simulation expects, and what happened", _outcomes(report), _NOTE)]
-        parts.append(section("What the simulation lacks", _verdict(report)))
-        if report.expectation is not None:
-            parts.append(section("What to expect of the next flights", escape(report.expectation.words)))
-        if report.score is not None:
-            parts.append(section("How good the probabilities are", _scores(report.score)))
-            drawn = svg(reliability_diagram(report.score), "Share of four legs against their probability")
-            parts.append(section("Does it happen as often as it is said to", drawn))
-        parts.append(section("Flights", _flights(report)))
-        parts.append(section("Pitch rate, real and simulated", _motions(report, parameters), _MOTION_NOTE))
-        parts.append(section("How starts and flips scatter", _dispersion(report)))
-        if report.prepared.roll is not None:
-            parts.append(section("Why flips roll", _roll(report.prepared.roll), _ROLL_NOTE))
+        body = "".join(_sections(report, parameters))
+    title = f"Landings of {report.vehicle}: predicted and real"
+    draws = f"{report.forecast.draws} simulated landings each"
+    return page(title, f"{len(report.real)} flights, {draws}, seed {report.seed}", body)
+
+
+def _sections(report: LandingReport, parameters: Any) -> Iterator[str]:
+    yield section("What the simulation expects, and what happened", _outcomes(report), _NOTE)
+    yield section("What the simulation lacks", _verdict(report))
+    if report.expectation is not None:
+        yield section("What to expect of the next flights", escape(report.expectation.words))
+    if report.score is not None:
+        yield section("How good the probabilities are", _scores(report.score))
+        drawn = svg(reliability_diagram(report.score), "Share of four legs against their probability")
+        yield section("Does it happen as often as it is said to", drawn)
+    yield section("Flights", _flights(report))
+    yield section("Pitch rate, real and simulated", _motions(report, parameters), _MOTION_NOTE)
+    scatter = vars(report.prepared.dispersion)
+    rows = [
+        [_SCATTER[name], ", ".join(f"{v:.3f}" for v in np.ravel(found))] for name, found in scatter.items()
+    ]
+    scattered_by = table(["standard deviation, from these flights", ""], rows)
+    yield section("How starts and flips scatter", scattered_by)
+    if report.prepared.roll is not None:
+        yield section("Why flips roll", _roll(report.prepared.roll), _ROLL_NOTE)
     if report.unused:
         unused = text_table(["flight", "why not"], ([one.name, one.reason] for one in report.unused))
-        parts.append(section("Not judged", unused))
-    count = len(report.real)
-    title = f"Landings of {report.vehicle}: predicted and real"
-    return page(
-        title,
-        f"{count} flights, {report.forecast.draws} simulated landings each, seed {report.seed}",
-        "".join(parts),
-    )
+        yield section("Not judged", unused)
 
 
+_SCATTER = {
+    "height": "distance to the ceiling, m",
+    "velocity": "velocity, m/s (world)",
+    "attitude": "attitude, rad (body)",
+    "rate": "rate, rad/s (body)",
+    "pitch": "pitch acceleration of the flip, share",
+    "roll": "roll acceleration per pitch acceleration",
+}
 _NOTE = (
     "Each row is a flight, simulated from its recorded trigger with the measured scatter of the starts. The "
     "mark on the right is what really happened (dot: four legs, square: two, cross: none); the bars below "
@@ -105,7 +118,9 @@ def _search(found: OutcomeSearch) -> str:
         values = ", ".join(
             f"{name} {mean:.3g} &plusmn; {sigma:.2g}" for name, (mean, sigma, _) in fit.values.items()
         )
-        scores = [f"{value:.2f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base_rate)]
+        scores = [
+            f"{value:.2f}" for value in (one.brier, one.brier_base_rate, half.brier, half.brier_base_rate)
+        ]
         auc = "" if one.auc_four is None else f"{one.auc_four:.2f}"
         rows.append([fit.name, *scores, auc, values])
     header = ["open", "Brier, left one out", "base rate", "from halves", "base rate", "AUC of four", "values"]
@@ -121,41 +136,31 @@ def _outcomes(report: LandingReport) -> str:
 
 def outcome_bars(report: LandingReport, broad: bool) -> "Figure":
     """Stacked probabilities of each flight with the real outcome, and all flights together."""
-    shares = report.forecast.probability
-    classes = [None if real is None else landing_class(real) for real in report.real]
+    shares, (rows, known) = report.forecast.probability, classified(report.real)
+    ends = {"simulated": (shares[rows] if rows.size else shares).mean(axis=0)}
+    if rows.size:
+        ends = {"real": np.bincount(known, minlength=3) / rows.size, **ends}
     order = np.argsort(shares[:, 0], kind="stable")
+    bars = np.vstack([*ends.values(), shares[order]])
+    at = np.concatenate([1.2 * np.arange(len(ends)), np.arange(len(order)) + 3.5])
     figure = new_figure(8.6 if broad else 4.4, 1.6 + 0.21 * len(order))
     axes = figure.add_subplot()
+    heights, lefts = np.where(at < 3.0, 1.0, 0.8), np.cumsum(bars, axis=1) - bars
+    for share, left, colour in zip(bars.T, lefts.T, _COLOURS, strict=True):
+        axes.barh(at, share, left=left, height=heights, color=colour)
+    classes = dict(zip(rows.tolist(), known.tolist(), strict=True))
+    for position, k in zip(at[len(ends) :], order.tolist(), strict=True):
+        if k in classes:
+            marker, colour = _MARKERS[classes[k]], _COLOURS[classes[k]]
+            axes.plot(1.03, position, marker, ms=7, color=colour, clip_on=False)
     names = [_short(report.forecast.flights[k].name, 34 if broad else 16) for k in order]
-    at = np.arange(len(order)) + 3.5
-    for position, k in zip(at, order, strict=True):
-        _stack(axes, float(position), shares[k], 0.8)
-        real = classes[k]
-        if real is not None:
-            axes.plot(1.03, position, _MARKERS[real], ms=7, color=_COLOURS[real], clip_on=False)
-    known = [one for one in classes if one is not None]
-    rows = [k for k, one in enumerate(classes) if one is not None]
-    ends = [("real", np.bincount(known, minlength=3) / len(known))] if known else []
-    ends.append(("simulated", shares[rows].mean(axis=0) if known else shares.mean(axis=0)))
-    for position, (_, share) in zip((0.0, 1.2), ends, strict=False):
-        _stack(axes, position, share, 1.0)
-    ticks = [*[p for p, _ in zip((0.0, 1.2), ends, strict=False)], *at]
-    axes.set_yticks(ticks, [*[name for name, _ in ends], *names], fontsize=8)
+    axes.set_yticks(at, [*ends, *names], fontsize=8)
     axes.set(xlim=(0.0, 1.0), xlabel="probability")
     axes.grid(axis="y", visible=False)
-    handles = [
-        axes.plot([], [], marker, ms=7, color=colour)[0]
-        for marker, colour in zip(_MARKERS, _COLOURS, strict=True)
-    ]
+    styles = zip(_MARKERS, _COLOURS, strict=True)
+    handles = [axes.plot([], [], marker, ms=7, color=colour)[0] for marker, colour in styles]
     axes.legend(handles, _WORDS, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     return figure
-
-
-def _stack(axes: Any, y: float, shares: FloatArray, height: float) -> None:
-    left = 0.0
-    for share, colour in zip(shares, _COLOURS, strict=True):
-        axes.barh(y, share, left=left, height=height, color=colour)
-        left += float(share)
 
 
 def _short(name: str, most: int = 34) -> str:
@@ -198,7 +203,7 @@ def motions(report: LandingReport, parameters: Any, side_by_side: int) -> "Figur
         traces = np.empty((len(states), at.size, COLUMNS))
         trace_flips(states, p, flips, SETTINGS, traces)
         panel.plot(at, traces[:, :, OMEGA + 1].T, color=MUTED, lw=0.4, alpha=0.35, rasterized=True)
-        t = start.gyro_t + report.prepared.clocks[index]
+        t = start.gyro_t + report.prepared.flips[index].clock
         panel.plot(t[t < _MOTION], start.gyro[t < _MOTION, 1], color=INK, lw=1.1)
         contact = report.prepared.contact(index)
         if contact is not None:
@@ -215,27 +220,22 @@ def motions(report: LandingReport, parameters: Any, side_by_side: int) -> "Figur
 
 
 def _scores(found: Score) -> str:
-    auc = "none or all" if found.auc_four is None else f"{found.auc_four:.2f}{_interval(found.auc_interval)}"
+    auc = "none or all" if found.auc_four is None else f"{found.auc_four:.2f}{_interval(found.auc_four_ci95)}"
+    base = f"{found.brier_base_rate:.2f}; knowing this flight too: {found.brier_base_rate_in_sample:.2f}"
+    brier = f"<b>{found.brier:.2f}</b>{_interval(found.brier_ci95)}"
+    gain = f"{found.brier_gain:+.2f}{_interval(found.brier_gain_ci95)}"
     rows = [
-        [
-            "Brier score (0 perfect, 2 worst)",
-            f"<b>{found.brier:.2f}</b>{_interval(found.brier_interval)}",
-            f"{found.brier_base:.2f}; knowing this flight too: {found.brier_base_in_sample:.2f}",
-        ],
-        ["its difference to the base rate", f"{found.gain:+.2f}{_interval(found.gain_interval)}", ""],
-        ["log score (nats)", f"{found.log:.2f}", f"{found.log_base:.2f}"],
+        ["Brier score (0 perfect, 2 worst)", brier, base],
+        ["its difference to the base rate", gain, ""],
+        ["log score (nats)", f"{found.log_score:.2f}", f"{found.log_score_base_rate:.2f}"],
         ["AUC of four legs", auc, "0.50"],
     ]
     scores = table(["", "simulation (95 %, flights drawn again)", "base rate of the other flights"], rows)
-    counts = [
-        [
-            word,
-            str(count.real),
-            f"{count.expected:.1f}",
-            f"{count.interval80[0]} to {count.interval80[1]}{'' if count.inside else ': <b>outside</b>'}",
-        ]
-        for word, count in zip(_WORDS, found.counts, strict=True)
-    ]
+    counts = []
+    for word, count in zip(_WORDS, found.counts.values(), strict=True):
+        low, high = count.interval80
+        outside = "" if count.inside else ": <b>outside</b>"
+        counts.append([word, str(count.real), f"{count.expected:.1f}", f"{low} to {high}{outside}"])
     return scores + table(["outcome", "real", "expected", "80 % of the time it would be"], counts)
 
 
@@ -255,20 +255,6 @@ def _flights(report: LandingReport) -> str:
 
 def _time(value: float | None) -> str:
     return "" if value is None else f"{value:.3f}"
-
-
-def _dispersion(report: LandingReport) -> str:
-    found = report.prepared.dispersion
-    three = [
-        ("velocity, m/s (world)", found.velocity),
-        ("attitude, rad (body)", found.attitude),
-        ("rate, rad/s (body)", found.rate),
-    ]
-    rows = [["distance to the ceiling, m", f"{found.height:.3f}"]]
-    rows += [[name, ", ".join(f"{value:.3f}" for value in values)] for name, values in three]
-    rows.append(["pitch acceleration of the flip, share", f"{found.pitch:.3f}"])
-    rows.append(["roll acceleration per pitch acceleration", f"{found.roll:.3f}"])
-    return table(["standard deviation, from these flights", ""], rows)
 
 
 def _roll(found: RollEvidence) -> str:

@@ -126,7 +126,7 @@ def line(seed: int, one: Judged) -> dict[str, Any]:
         "four_two_none": one.counts,
         "named": one.named,
         "values": values,
-        "gains": {group: _short(gain, *interval) for group, (gain, interval) in one.found.gains.items()},
+        "gains": {group: _short(gain.brier, *gain.ci95) for group, gain in one.found.gains.items()},
     }
 
 

@@ -1,6 +1,6 @@
 """What ``perchhw gap landings`` says: predicted and real outcomes, flight by flight, and their score."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,13 +13,13 @@ from calibration.gap.landings.outcomes.expectation import JudgedExpectation, jud
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
 from calibration.gap.landings.outcomes.launch import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
-from calibration.gap.landings.outcomes.prepare import PreparedLandings
+from calibration.gap.landings.outcomes.prepare import PreparedLandings, roll_errors
 from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.tables import tabulate
 from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid
 from calibration.gap.landings.outcomes.verdict import in_words, judge_outcomes
-from onboard.arrays import FloatArray, IntArray
+from onboard.arrays import IntArray
 from onboard.errors import InputError
 from onboard.outcome import Outcome
 from onboard.vehicle import Vehicle
@@ -84,6 +84,8 @@ class LandingReport:
 
     def json_shape(self) -> dict[str, Any]:
         """The document ``perchhw.gap_landings/1``."""
+        flips = self.prepared.flips
+        missed, left = roll_errors(flips).T
         return {
             "schema": SCHEMA,
             "verdict": self.verdict,
@@ -97,11 +99,11 @@ class LandingReport:
             "dispersion": self.prepared.dispersion,
             "launch": self.launch,
             "flip": {
-                "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
-                "pitch_slope": _mean(self.prepared.pitch_slopes),
-                "roll_per_pitch": _mean(self.prepared.roll_slopes),
-                "roll_rate_rms_rad_s": _rms(self.prepared.roll_error[:, 0]),
-                "roll_rate_rms_with_it_rad_s": _rms(self.prepared.roll_error[:, 1]),
+                "pitch_rate_rms_rad_s": _rms([flip.error for flip in flips]),
+                "pitch_slope": _mean([flip.pitch for flip in flips]),
+                "roll_per_pitch": _mean([flip.roll for flip in flips]),
+                "roll_rate_rms_rad_s": _rms(missed),
+                "roll_rate_rms_with_it_rad_s": _rms(left),
                 "roll": self.prepared.roll,
             },
             **({"effects": None} if self.search is None else self.search.json_shape()),
@@ -192,11 +194,11 @@ def search_report(
     return replace(report, search=found)
 
 
-def _rms(values: FloatArray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else None
+def _rms(values: Iterable[float]) -> float | None:
+    square = _mean(np.square([*values]))
+    return None if square is None else float(np.sqrt(square))
 
 
-def _mean(values: FloatArray) -> float | None:
-    known = values[np.isfinite(values)]
+def _mean(values: Iterable[float]) -> float | None:
+    known = np.array([value for value in values if np.isfinite(value)])
     return float(np.mean(known)) if known.size else None

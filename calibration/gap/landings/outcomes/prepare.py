@@ -46,48 +46,14 @@ _ONE_ROOM = 0.2  # m between what two drones of one room take for its ceiling, a
 
 
 @dataclass(frozen=True)
-class PreparedLandings:
-    """Flights ready to be simulated with any vehicle.
-
-    Attributes:
-        starts: their triggers.
-        clocks: s (n,), by how much the log is later than the trigger.
-        ceilings: m (n,), of the session, from the contacts of the other flights.
-        pitch_slopes: measured over predicted change of rate about b_y in the flips (n,), with the vehicle
-            that prepared them. roll_slopes: change about b_x over the predicted one about b_y (n,).
-        rate_error: rad/s (n,), RMS about b_y.
-        roll_error: rad/s (n, 2), RMS about b_x: as the vehicle has it, and with as much roll per pitch as the
-            other flights showed.
-        dispersion: of starts and flips.
-        draws: standard normal numbers (n, draws, ERRORS), the same for every vehicle that is compared.
-        roll: why flips roll; None where flips are too few to ask.
-        unused: flights without a start.
-    """
-
-    starts: tuple[TriggerStart, ...]
-    clocks: FloatArray
-    ceilings: FloatArray
-    pitch_slopes: FloatArray
-    roll_slopes: FloatArray
-    rate_error: FloatArray
-    roll_error: FloatArray
-    dispersion: Dispersion
-    draws: FloatArray
-    roll: RollEvidence | None
-    unused: tuple[NotUsed, ...]
-
-    def contact(self, index: int) -> float | None:
-        """Time (s) from the trigger to the measured contact of a flight; None: unseen."""
-        seen = self.starts[index].contact
-        return None if seen is None else seen + float(self.clocks[index])
-
-
-@dataclass(frozen=True)
-class _Flip:
+class Flip:
     """A flip without a ceiling, laid over the gyro.
 
     Attributes:
-        clock: s. pitch, roll: slopes. error: rad/s, RMS about b_y.
+        clock: s, by how much the log is later than the trigger.
+        pitch: measured over predicted change of rate about b_y. roll: change about b_x over the predicted one
+            about b_y.
+        error: rad/s, RMS about b_y.
         missed, gained: rad/s (k,), roll rate that the model lacks, pitch rate that it gained.
         ceiling: m, where the contact was, NaN where unseen. climb: m/s of the highest point there.
     """
@@ -100,6 +66,34 @@ class _Flip:
     gained: FloatArray
     ceiling: float
     climb: float
+
+
+@dataclass(frozen=True)
+class PreparedLandings:
+    """Flights ready to be simulated with any vehicle.
+
+    Attributes:
+        starts: their triggers.
+        flips: the flip of each, with the vehicle that prepared them.
+        ceilings: m (n,), of the session, from the contacts of the other flights.
+        dispersion: of starts and flips.
+        draws: standard normal numbers (n, draws, ERRORS), the same for every vehicle that is compared.
+        roll: why flips roll; None where flips are too few to ask.
+        unused: flights without a start.
+    """
+
+    starts: tuple[TriggerStart, ...]
+    flips: tuple[Flip, ...]
+    ceilings: FloatArray
+    dispersion: Dispersion
+    draws: FloatArray
+    roll: RollEvidence | None
+    unused: tuple[NotUsed, ...]
+
+    def contact(self, index: int) -> float | None:
+        """Time (s) from the trigger to the measured contact of a flight; None: unseen."""
+        seen = self.starts[index].contact
+        return None if seen is None else seen + self.flips[index].clock
 
 
 def prepare(
@@ -125,19 +119,15 @@ def prepare(
             unused.append(found)
         else:
             starts.append(found)
-    flips = [_flip(start, free) for start in starts]
+    flips = tuple(_flip(start, free) for start in starts)
     implied = np.array([flip.ceiling for flip in flips])
     ceilings = _ceilings(starts, implied)
     pitch, roll = np.array([flip.pitch for flip in flips]), np.array([flip.roll for flip in flips])
     climbs = np.array([flip.climb for flip in flips])
     return PreparedLandings(
         starts=tuple(starts),
-        clocks=np.array([flip.clock for flip in flips]),
+        flips=flips,
         ceilings=ceilings,
-        pitch_slopes=pitch,
-        roll_slopes=roll,
-        rate_error=np.array([flip.error for flip in flips]),
-        roll_error=_roll_error(flips),
         dispersion=estimate_dispersion(starts, implied - ceilings, climbs, pitch, roll),
         draws=rng.standard_normal((len(starts), draws, ERRORS)),
         roll=roll_evidence(starts, vehicle, rng),
@@ -145,7 +135,7 @@ def prepare(
     )
 
 
-def _flip(start: TriggerStart, p: Any) -> _Flip:
+def _flip(start: TriggerStart, p: Any) -> Flip:
     end = _UNSEEN_FLIP if start.contact is None else start.contact - start.contact_error
     trace = np.empty((1, round((end + 0.1) / SETTINGS.dt), COLUMNS))
     trace_flips(start.state.copy(), p, start.flip[None], SETTINGS, trace)
@@ -163,7 +153,7 @@ def _flip(start: TriggerStart, p: Any) -> _Flip:
         below, ceiling, above = (highest(p, trace[0, row + k]) for k in (-1, 0, 1))
         climb = (above - below) / (2.0 * SETTINGS.dt)
     error = float(np.sqrt(np.mean((seen[:, 1] - model) ** 2))) if t.size else np.nan
-    return _Flip(clock, float(slope[1]), float(slope[0]), error, missed, gained, ceiling, climb)
+    return Flip(clock, float(slope[1]), float(slope[0]), error, missed, gained, ceiling, climb)
 
 
 def _at(trace: FloatArray, t: FloatArray, axis: int = 1) -> FloatArray:
@@ -171,8 +161,8 @@ def _at(trace: FloatArray, t: FloatArray, axis: int = 1) -> FloatArray:
     return np.asarray(np.interp(t, SETTINGS.dt * np.arange(len(trace)), trace[:, OMEGA + axis]))
 
 
-def _roll_error(flips: Sequence[_Flip]) -> FloatArray:
-    """RMS (n, 2) of the missed roll rate, and of what is left with the other flights' roll per pitch."""
+def roll_errors(flips: Sequence[Flip]) -> FloatArray:
+    """RMS (rad/s, (n, 2)) of the missed roll rate, and of what the others' roll per pitch leaves of it."""
     found = np.full((len(flips), 2), np.nan)
     shares = np.array([flip.roll for flip in flips])
     for index, flip in enumerate(flips):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.gap.landings.outcomes.labels import CLASS_NAMES
 from calibration.measurement import Interval, interval_of, wilson_interval
 from onboard.arrays import BoolArray, FloatArray, IntArray
 
@@ -61,53 +62,37 @@ class Score:
 
     Attributes:
         flights: scored ones.
-        brier, log: of the model. brier_base, log_base: of the base rate of the other flights.
-        brier_base_in_sample: of the base rate of all.
-        gain: brier - brier_base; negative: the model knows something. gain_interval: 95 %.
-        brier_interval: 95 %.
+        brier, log_score: of the model; `_base_rate`: of the base rate of the other flights; `_in_sample`: of
+            all. `_ci95`: 95 % interval.
+        brier_gain: brier - brier_base_rate; negative: the model knows something.
         auc_four: probability that a landing on four had a higher probability of it than one that was none;
-            None where all or none landed on four. auc_interval: 95 %.
-        counts: of four, two, none. reliability: of the probability of four legs.
+            None where all or none landed on four.
+        counts: of four, two, none (:data:`..labels.CLASS_NAMES`).
+        reliability: of the probability of four legs.
     """
 
     flights: int
     brier: float
-    brier_interval: Interval
-    brier_base: float
-    brier_base_in_sample: float
-    gain: float
-    gain_interval: Interval
-    log: float
-    log_base: float
+    brier_ci95: Interval
+    brier_base_rate: float
+    brier_base_rate_in_sample: float
+    brier_gain: float
+    brier_gain_ci95: Interval
+    log_score: float
+    log_score_base_rate: float
     auc_four: float | None
-    auc_interval: Interval | None
-    counts: tuple[Count, Count, Count]
+    auc_four_ci95: Interval | None
+    counts: dict[str, Count]
     reliability: tuple[Bin, ...]
 
     def json_shape(self) -> dict[str, Any]:
         """The ``score`` of the document ``perchhw.gap_landings/1``."""
-        four, two, none = self.counts
-        return {
-            "flights": self.flights,
-            "brier": self.brier,
-            "brier_ci95": self.brier_interval,
-            "brier_base_rate": self.brier_base,
-            "brier_base_rate_in_sample": self.brier_base_in_sample,
-            "brier_gain": self.gain,
-            "brier_gain_ci95": self.gain_interval,
-            "log_score": self.log,
-            "log_score_base_rate": self.log_base,
-            "auc_four": self.auc_four,
-            "auc_four_ci95": self.auc_interval,
-            "four_leg_share_real": four.real / self.flights,
-            "four_leg_share_model": four.expected / self.flights,
-            "two_leg_share_real": two.real / self.flights,
-            "two_leg_share_model": two.expected / self.flights,
-            "none_share_real": none.real / self.flights,
-            "none_share_model": none.expected / self.flights,
-            "counts": dict(zip(("four", "two", "none"), self.counts, strict=True)),
-            "reliability": self.reliability,
-        }
+        document = dict(vars(self))
+        counts, reliability = document.pop("counts"), document.pop("reliability")
+        for name, key in zip(self.counts, ("four_leg", "two_leg", "none"), strict=True):
+            document[f"{key}_share_real"] = self.counts[name].real / self.flights
+            document[f"{key}_share_model"] = self.counts[name].expected / self.flights
+        return {**document, "counts": counts, "reliability": reliability}
 
 
 def base_rates(real: IntArray, folds: IntArray | None = None) -> FloatArray:
@@ -134,19 +119,18 @@ def score(probability: FloatArray, real: IntArray, draws: int, rng: np.random.Ge
     own, by_base = brier(probability, real), brier(base, real)
     drawn = rng.integers(0, count, (REPLICATES, count))
     auc = auc_of(probability[:, 0], real == 0)
-    logs = surprise(probability, real, draws)
     return Score(
         flights=count,
         brier=float(own.mean()),
-        brier_interval=interval_of(own[drawn].mean(axis=1)),
-        brier_base=float(by_base.mean()),
-        brier_base_in_sample=float(brier(np.tile(happened.mean(axis=0), (count, 1)), real).mean()),
-        gain=float((own - by_base).mean()),
-        gain_interval=interval_of((own - by_base)[drawn].mean(axis=1)),
-        log=float(logs.mean()),
-        log_base=float(surprise(base, real, count).mean()),
+        brier_ci95=interval_of(own[drawn].mean(axis=1)),
+        brier_base_rate=float(by_base.mean()),
+        brier_base_rate_in_sample=float(brier(np.tile(happened.mean(axis=0), (count, 1)), real).mean()),
+        brier_gain=float((own - by_base).mean()),
+        brier_gain_ci95=interval_of((own - by_base)[drawn].mean(axis=1)),
+        log_score=float(surprise(probability, real, draws).mean()),
+        log_score_base_rate=float(surprise(base, real, count).mean()),
         auc_four=auc,
-        auc_interval=None if auc is None else _auc_interval(probability[:, 0], real == 0, drawn),
+        auc_four_ci95=None if auc is None else _auc_interval(probability[:, 0], real == 0, drawn),
         counts=_counts(probability, real),
         reliability=reliability(probability[:, 0], real == 0),
     )
@@ -203,12 +187,11 @@ def reliability(probability: FloatArray, happened: BoolArray) -> tuple[Bin, ...]
     return tuple(bins)
 
 
-def _counts(probability: FloatArray, real: IntArray) -> tuple[Count, Count, Count]:
-    four, two, none = (
-        Count(int(np.sum(real == k)), float(probability[:, k].sum()), count_interval(probability[:, k]))
-        for k in range(3)
-    )
-    return four, two, none
+def _counts(probability: FloatArray, real: IntArray) -> dict[str, Count]:
+    return {
+        name: Count(int(np.sum(real == k)), float(shares.sum()), count_interval(shares))
+        for k, (name, shares) in enumerate(zip(CLASS_NAMES, probability.T, strict=True))
+    }
 
 
 def _auc_interval(value: FloatArray, positive: BoolArray, drawn: IntArray) -> Interval:

@@ -99,6 +99,22 @@ Estimate = tuple[float, float, Interval]
 
 
 @dataclass(frozen=True)
+class Change:
+    """Mean change of the Brier score over flights from one model to another, with its 95 % interval (flights
+    drawn again)."""
+
+    brier: float
+    ci95: Interval
+
+
+@dataclass(frozen=True)
+class Gain(Change):
+    """A change, also without the flight that speaks most for it: no name rests on one flight."""
+
+    without_best_flight: float
+
+
+@dataclass(frozen=True)
 class HalfScore:
     """Flights predicted from a half that they are not in, with the base rate of that half beside it.
 
@@ -167,35 +183,32 @@ class OutcomeSearch:
         best: the model with the lowest log score, left one out, among those with the law that is named.
         named: groups without which flights are predicted worse, beyond chance and by enough to matter; of the
             laws of pads the best one.
-        gains: mean change of the Brier score by group, from the best model without it (of a law: without any)
-            to the best with it, left one out, with its 95 % interval (flights drawn again).
-        spared: likewise without the flight that speaks most for the group: no name rests on one flight.
+        gains: by group, from the best model without it (of a law: without any) to the best with it, left one
+            out.
         values: of the coordinates of what is named: over all models that have that open, by their evidence.
-        behind: mean change of the Brier score from the law that is named, else the best one, to each law,
-            likewise; with hinges open at most.
+        laws: from the law that is named, else the best one, to each law; with hinges open at most.
         filed: what the vehicle file says.
     """
 
     fits: tuple[ModelFit, ...]
     best: ModelFit
     named: tuple[str, ...]
-    gains: dict[str, tuple[float, Interval]]
-    spared: dict[str, float]
+    gains: dict[str, Gain]
     values: dict[str, Estimate]
-    behind: dict[str, tuple[float, Interval]]
+    laws: dict[str, Change]
     filed: Point
 
     @property
     def left_open(self) -> tuple[str, ...]:
         """Groups that the flights neither name nor refute: a law is refuted by another that does better."""
-        refuted = {law for law, (_, (low, _)) in self.behind.items() if low > 0.0}
+        refuted = {law for law, change in self.laws.items() if change.ci95[0] > 0.0}
         return tuple(group for group in GROUPS if group not in self.named and group not in refuted)
 
     def json_shape(self) -> dict[str, Any]:
         """``effects`` and ``search`` of the document."""
         effects: dict[str, dict[str, Any]] = {}
         for group in self.named:
-            gain, interval = self.gains[group]
+            gain = self.gains[group]
             for coordinate in GROUPS[group]:
                 effect, parameter = EFFECT_OF[coordinate]
                 mean, sigma, between = self.values[coordinate]
@@ -205,8 +218,8 @@ class OutcomeSearch:
                         "name": effect,
                         "parameters": {},
                         "error_after": self.best.left_one_out.brier,
-                        "error_before": self.best.left_one_out.brier - gain,
-                        "improvement_ci95": [-interval[1], -interval[0]],
+                        "error_before": self.best.left_one_out.brier - gain.brier,
+                        "improvement_ci95": [-gain.ci95[1], -gain.ci95[0]],
                         "ambiguous_with": [EFFECT_OF[GROUPS[other][0]][0] for other in self.left_open],
                     },
                 )
@@ -221,14 +234,8 @@ class OutcomeSearch:
             "search": {
                 "best": self.best.name,
                 "models": self.fits,
-                "gains": {
-                    group: {"brier": gain, "ci95": interval, "without_best_flight": self.spared[group]}
-                    for group, (gain, interval) in self.gains.items()
-                },
-                "laws": {
-                    law: {"brier": change, "ci95": interval}
-                    for law, (change, interval) in self.behind.items()
-                },
+                "gains": self.gains,
+                "laws": self.laws,
             },
         }
 
@@ -249,26 +256,26 @@ def search_outcomes(
     fits = tuple(_fit(groups, filed, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
     drawn = rng.integers(0, real.size, (DRAWN, real.size))
     best_with = {group: _best([fit for fit in fits if group in fit.groups]) for group in GROUPS}
-    gains, spared = {}, {}
+    gains = {}
     for group in GROUPS:
         shut = LAWS if group in LAWS else (group,)
         change = best_with[group].brier - _best([f for f in fits if not set(shut) & set(f.groups)]).brier
-        gains[group] = _mean_of(change, drawn)
-        spared[group] = float(np.sort(change)[1:].mean())
-    told = [group for group, (_, (_, high)) in gains.items() if high < 0.0 and spared[group] <= -LEAST_GAIN]
+        gains[group] = Gain(*_mean_of(change, drawn), float(np.sort(change)[1:].mean()))
+    told = [
+        group for group, one in gains.items() if one.ci95[1] < 0.0 and one.without_best_flight <= -LEAST_GAIN
+    ]
     like = [fit for fit in fits if set(fit.groups) <= {"hinges", *LAWS}]  # what all laws were tried with
     laws = {law: _best([fit for fit in like if law in fit.groups]) for law in LAWS}
     able = [law for law in LAWS if law in told] or LAWS
-    chosen = min(able, key=lambda law: laws[law].left_one_out.log)
+    chosen = min(able, key=lambda law: laws[law].left_one_out.log_score)
     named = tuple(group for group in told if group not in LAWS or group == chosen)
     return OutcomeSearch(
         fits=fits,
         best=_best([fit for fit in fits if chosen not in named or chosen in fit.groups]),
         named=named,
         gains=gains,
-        spared=spared,
         values=_averaged(named, fits, np.array(points)),
-        behind={law: _mean_of(laws[law].brier - laws[chosen].brier, drawn) for law in LAWS},
+        laws={law: Change(*_mean_of(laws[law].brier - laws[chosen].brier, drawn)) for law in LAWS},
         filed=filed,
     )
 
@@ -294,7 +301,7 @@ def _mean_of(change: FloatArray, drawn: IntArray) -> tuple[float, Interval]:
 
 
 def _best(fits: Sequence[ModelFit]) -> ModelFit:
-    return min(fits, key=lambda fit: fit.left_one_out.log)
+    return min(fits, key=lambda fit: fit.left_one_out.log_score)
 
 
 def _fit(

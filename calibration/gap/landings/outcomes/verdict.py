@@ -31,7 +31,7 @@ def judge_outcomes(
         return LandingVerdict.EFFECTS_FOUND
     intervals = [count_interval(shares, LEVEL) for shares in probability.T]
     expected = all(
-        low <= count.real <= high for count, (low, high) in zip(score.counts, intervals, strict=True)
+        low <= count.real <= high for count, (low, high) in zip(score.counts.values(), intervals, strict=True)
     )
     return LandingVerdict.NO_GAP if expected else LandingVerdict.UNEXPLAINED_GAP
 
@@ -46,7 +46,7 @@ def in_words(verdict: LandingVerdict, score: Score, search: OutcomeSearch | None
     if verdict is LandingVerdict.NO_GAP:
         beside = (
             ""
-            if all(count.inside for count in score.counts)
+            if all(count.inside for count in score.counts.values())
             else (
                 f" (all within {LEVEL:.0%}; a right model misses one of three 80 % intervals every other day)"
             )
@@ -54,14 +54,14 @@ def in_words(verdict: LandingVerdict, score: Score, search: OutcomeSearch | None
         return (
             f"no gap that {flights} can show: four, two and none happened about as often as expected{beside}",
         )
-    counts = zip(("four", "two", "none"), score.counts, strict=True)
-    often = ", ".join(f"{word} {count.real} (expected {count.expected:.1f})" for word, count in counts)
+    often = ", ".join(
+        f"{word} {one.real} (expected {one.expected:.1f})" for word, one in score.counts.items()
+    )
     why = "look for what is missing with --search" if search is None else "no known effect explains it"
     return (f"the simulation is wrong about these landings: {often}; {why}",)
 
 
 def _lacks(search: OutcomeSearch, group: str) -> str:
-    gain, _ = search.gains[group]
     said = []
     for coordinate in GROUPS[group]:
         effect, parameter = EFFECT_OF[coordinate]
@@ -69,7 +69,8 @@ def _lacks(search: OutcomeSearch, group: str) -> str:
         unit = "" if UNITS[coordinate] == "1" else f" {UNITS[coordinate]}"
         filed = getattr(search.filed, coordinate)
         said.append(f"{effect}.{parameter} {mean:.3g} +- {sigma:.2g}{unit} (filed {filed:g})")
-    return f"the vehicle file is wrong about its {group}: {', '.join(said)}; Brier {gain:+.2f}"
+    told = f"{', '.join(said)}; Brier {search.gains[group].brier:+.2f}"
+    return f"the vehicle file is wrong about its {group}: {told}"
 
 
 def improved_vehicle(vehicle: Vehicle, search: OutcomeSearch, source: str) -> Vehicle:
