@@ -7,6 +7,8 @@ commanded is free of it. So a part counts by how much of its commanded angular a
 quietest parts show, where the controller talks to itself.
 """
 
+import itertools
+
 import numpy as np
 
 from calibration.gap.data.signals import CHANNELS, TORQUE, Signals, window_means
@@ -49,13 +51,14 @@ def excitation_weights(variance: FloatArray, quiet: FloatArray) -> FloatArray:
 
 
 def commanded(signals: Signals, predicted: FloatArray) -> FloatArray:
-    """Variance of the angular acceleration that was commanded in each part, shape (parts, 3), rad2/s4.
-
-    Args:
-        signals: of the flights.
-        predicted: signals by a model, shape (n, 7), of which the angular accelerations are used.
-    """
-    return _variances(signals, predicted)
+    """Variance of the angular accelerations among `predicted`, shape (n, 7), in each part, shape (parts, 3),
+    rad2/s4: by a model of the vehicle what was commanded."""
+    return np.array(
+        [
+            _variance(predicted[first:end, TORQUE], signals.valid[first:end, TORQUE], signals.dt)
+            for first, end in itertools.pairwise(signals.part_bounds)
+        ]
+    )
 
 
 def quiet_level(variance: FloatArray) -> FloatArray:
@@ -75,7 +78,7 @@ def answered(quiet: FloatArray, signals: Signals, predicted: FloatArray) -> Floa
         signals: of the flights.
         predicted: signals by the best model of them, shape (n, 7).
     """
-    left = _variances(signals, signals.measured - predicted)
+    left = commanded(signals, signals.measured - predicted)
     return np.minimum(quiet, _AMPLIFIED * quiet_level(left))
 
 
@@ -88,16 +91,6 @@ def excited(weights: FloatArray) -> bool:
     """Whether roll or pitch was commanded in several parts, so that delays and levers can be told at all."""
     rolling = weights[:, TORQUE.start : TORQUE.start + 2].max(axis=1)
     return int((rolling >= _EXCITED).sum()) >= _SEVERAL
-
-
-def _variances(signals: Signals, values: FloatArray) -> FloatArray:
-    """Of the angular accelerations among `values`, shape (n, 7), in each part, shape (parts, 3)."""
-    return np.array(
-        [
-            _variance(values[first:end, TORQUE], signals.valid[first:end, TORQUE], signals.dt)
-            for first, end in zip(signals.part_bounds[:-1], signals.part_bounds[1:], strict=True)
-        ]
-    )
 
 
 def _variance(values: FloatArray, valid: np.ndarray, dt: float) -> FloatArray:

@@ -1,6 +1,7 @@
 """Channels that hold something else than they should: another unit, another range, another frame or order."""
 
 import itertools
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -107,44 +108,38 @@ def check_plausible(flight: Flight, record: FlightRecord) -> None:
     Raises:
         ConventionError: they are; the message says what to convert.
     """
+    for words in _conventions(record):
+        raise ConventionError(flight.source, words)
+
+
+def _conventions(record: FlightRecord) -> Iterator[str]:
+    """What is in another unit or frame, and what to convert."""
     if record.voltage is not None and float(np.nanmedian(record.voltage)) > _MOST_VOLTS:
         volts = float(np.nanmedian(record.voltage))
-        raise ConventionError(
-            flight.source, f"battery voltage of {volts:.0f} V: it seems to be in mV; divide it by 1000"
-        )
+        yield f"battery voltage of {volts:.0f} V: it seems to be in mV; divide it by 1000"
     speed = float(np.median(np.linalg.norm(record.velocity[record.flying], axis=1)))
     if speed > MOST_SPEED:
-        raise ConventionError(
-            flight.source, f"flies at {speed:.0f} m/s: positions seem to be in mm or cm; bring them to m"
-        )
+        yield f"flies at {speed:.0f} m/s: positions seem to be in mm or cm; bring them to m"
     if record.specific_force is not None:
-        _check_accelerometer(flight, record.specific_force[record.flying])
+        yield from _of_accelerometer(record.specific_force[record.flying])
     body, world, gyro = _rates(record)
     power = float(np.mean(np.sum(body**2, axis=1))) if body.size else 0.0
     if power < _TURNING**2:
         return
     factor = float(np.mean(np.sum(body * gyro, axis=1))) / power
     if _LIKE[0] < factor / _DEGREES < _LIKE[1]:
-        raise ConventionError(
-            flight.source,
+        yield (
             f"the gyro shows {factor:.0f} times the rate of the tracked body: it seems to be in deg/s; "
-            "convert it to rad/s",
+            "convert it to rad/s"
         )
     missed, alike = (float(np.mean(np.sum((gyro - rate) ** 2, axis=1))) for rate in (body, world))
     if alike < _HALF**2 * missed and missed > _HALF**2 * _TURNING**2:
-        raise ConventionError(
-            flight.source,
-            "the gyro follows the rate in the world frame, not in the body's: turn it into the body frame",
-        )
-    _check_axes(flight, body, gyro)
+        yield "the gyro follows the rate in the world frame, not in the body's: turn it into the body frame"
+    yield from _of_axes(body, gyro)
 
 
-def _check_axes(flight: Flight, body: FloatArray, gyro: FloatArray) -> None:
-    """Refuse a `gyro`, shape (n, 3), whose axes are others than those of the tracked `body`.
-
-    Raises:
-        ConventionError: they are; the message says which.
-    """
+def _of_axes(body: FloatArray, gyro: FloatArray) -> Iterator[str]:
+    """Whether the axes of a `gyro`, shape (n, 3), are others than those of the tracked `body`."""
     missed = {
         (order, signs): float(np.mean(np.sum((gyro - body[:, order] * signs) ** 2, axis=1)))
         for order in itertools.permutations(range(3))
@@ -157,35 +152,27 @@ def _check_axes(flight: Flight, body: FloatArray, gyro: FloatArray) -> None:
             f"g{name} is about {'-' if sign < 0.0 else ''}{'xyz'[axis]}"
             for name, axis, sign in zip("xyz", order, signs, strict=True)
         )
-        raise ConventionError(
-            flight.source,
+        yield (
             f"the gyro's axes are not those of the tracked body: {columns}. Name and sign the columns of "
-            "gyro and accelerometer by the body's axes, or turn the tracked frame, whichever is wrong",
+            "gyro and accelerometer by the body's axes, or turn the tracked frame, whichever is wrong"
         )
 
 
-def _check_accelerometer(flight: Flight, force: FloatArray) -> None:
-    """Refuse an accelerometer whose `force` in flight, shape (n, 3), is no specific force in m/s2.
-
-    Raises:
-        ConventionError: it is none; the message says what to convert.
-    """
+def _of_accelerometer(force: FloatArray) -> Iterator[str]:
+    """Whether the `force` in flight, shape (n, 3), is no specific force in m/s2."""
     felt, upward = float(np.nanmedian(np.linalg.norm(force, axis=1))), float(np.nanmedian(force[:, 2]))
     if abs(upward) < _IN_G[0] and felt < _GRAVITY_FELT:
-        words = (
+        yield (
             f"the accelerometer shows {upward:.1f} m/s2 along z in flight: gravity seems to be taken out; "
             "what is needed is the specific force, 9.81 along z in hover"
         )
     elif upward < -_GRAVITY_FELT:
-        words = (
+        yield (
             f"the accelerometer shows {upward:.1f} m/s2 along z in flight: its z seems to point down "
             "(forward, right, down); change the signs of y and z of accelerometer and gyro"
         )
     elif _IN_G[0] < felt < _IN_G[1]:
-        words = f"the accelerometer shows {felt:.1f} in flight: it seems to be in g; multiply it by 9.81"
-    else:
-        return
-    raise ConventionError(flight.source, words)
+        yield f"the accelerometer shows {felt:.1f} in flight: it seems to be in g; multiply it by 9.81"
 
 
 def _rates(record: FlightRecord) -> tuple[FloatArray, FloatArray, FloatArray]:
