@@ -1,6 +1,6 @@
 """The figures of a report, drawn: each function takes what it shows and gives a matplotlib figure."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -130,39 +130,44 @@ def heat_maps(maps: tuple[GapMap, GapMap]) -> "Figure":
 
 def cloud_panels(clouds: tuple[AlongRegressor, ...]) -> "Figure":
     """Median and middle two thirds of the residual over parts of the regressor, before and after."""
-    figure, axes = _panels(len(clouds), 2.7)
-    for panel, data in zip(axes, clouds, strict=True):
+
+    def draw(panel: "Axes", data: AlongRegressor) -> None:
         for values, colour, name in ((data.first, _BEFORE, "before"), (data.second, _AFTER, "after")):
             x, low, middle, high = quantile_bands(data.x, values)
             panel.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
             panel.plot(x, middle, "o-", ms=3, lw=1.5, color=colour, label=name)
         panel.axhline(0.0, color=MUTED, lw=0.8)
-        _label(panel, data)
-    _shared_legend(figure, axes)
-    return figure
+
+    return _along_regressors(clouds, draw, 2.7)
 
 
 def effect_panels(pictures: tuple[AlongRegressor, ...]) -> "Figure":
     """Per effect: the data beyond a model without it (medians, middle two thirds), and what it says."""
-    figure, axes = _panels(len(pictures), 2.9)
-    for panel, data in zip(axes, pictures, strict=True):
+
+    def draw(panel: "Axes", data: AlongRegressor) -> None:
         panel.axhline(0.0, color=_BEFORE, lw=1.4, label="model without it")
         x, low, middle, high = quantile_bands(data.x, data.first)
         panel.fill_between(x, low, high, color=INK, alpha=0.12, lw=0)
         panel.plot(x, middle, "o", ms=3.5, color=INK, label="flights")
         x, _, middle, _ = quantile_bands(data.x, data.second)
         panel.plot(x, middle, lw=1.8, color=_AFTER, label="with it")
-        _label(panel, data)
         panel.set_title(plain(data.effect), fontsize=9.5, loc="left")
+
+    return _along_regressors(pictures, draw, 2.9)
+
+
+def _along_regressors(
+    every: tuple[AlongRegressor, ...], draw: "Callable[[Axes, AlongRegressor], None]", height: float
+) -> "Figure":
+    """One panel each, which `draw` fills."""
+    figure, axes = _panels(len(every), height)
+    for panel, data in zip(axes, every, strict=True):
+        draw(panel, data)
+        behind = f" ({data.regressor_unit})" if data.regressor_unit else ""
+        panel.set_xlabel(f"{plain(data.regressor)}{behind}")
+        panel.set_ylabel(f"{plain(data.channel)} ({data.channel_unit})")
     _shared_legend(figure, axes)
     return figure
-
-
-def _label(panel: "Axes", data: AlongRegressor) -> None:
-    behind = f" ({data.regressor_unit})" if data.regressor_unit else ""
-    panel.set(
-        xlabel=f"{plain(data.regressor)}{behind}", ylabel=f"{plain(data.channel)} ({data.channel_unit})"
-    )
 
 
 def quantile_bands(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
