@@ -32,7 +32,6 @@ from calibration.gap.report.document import (
     GapReport,
     GapVerdict,
     Rejected,
-    UnusableFile,
 )
 from calibration.gap.report.effects import found_effects
 from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
@@ -99,18 +98,13 @@ class GapQuestion:
     vehicle: Vehicle
     seed: int = 0
     ceiling_z: float | None = None
-    unusable: Sequence[UnusableFile] = field(default=())
+    unusable: Sequence[NotUsed] = field(default=())
 
 
 def find_gap(
     flights: Sequence[Flight], question: GapQuestion, progress: Progress = lambda _: None
 ) -> GapResult:
-    """Find what a vehicle file lacks.
-
-    Args:
-        flights: as read; those with a trigger are looked at for their landings.
-        question: vehicle, seed, ceiling.
-        progress: told what is being looked at.
+    """Find what a vehicle file lacks; flights with a trigger are looked at for their landings, too.
 
     Raises:
         NothingToFindError: not one flight can be used.
@@ -271,7 +265,7 @@ def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> Ga
         nameless=nameless_terms(proved.nameless, proved.by_names, gap),
         train=tuple(record.name for record in flown.to_fit),
         held_out=tuple(record.name for record in flown.kept_back),
-        unusable=_unusable(question, flown),
+        unusable=(*question.unusable, *_refused(flown.prepared), *flown.not_used),
         ambiguous=_ambiguous(effects),
         rejected=tuple(
             Rejected(name=name, reason=reason)
@@ -289,11 +283,9 @@ def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> Ga
 def _prepared(flights: Sequence[Flight], question: GapQuestion) -> PreparedFlights:
     prepared = prepare_flights(flights)
     if not prepared.records:
-        refused = [(one.file, one.reason) for one in question.unusable]
-        refused += [(str(one.file), one.reason) for one in prepared.refused]
         files: dict[str, list[str]] = {}
-        for file, reason in refused:
-            files.setdefault(reason, []).append(file)
+        for one in (*question.unusable, *_refused(prepared)):
+            files.setdefault(one.reason, []).append(one.name)
         reasons = (
             reason if names[0] in reason else f"{', '.join(names)}: {reason}"
             for reason, names in files.items()
@@ -331,10 +323,8 @@ def _landings(flights: Sequence[Flight], names: Named, rng: np.random.Generator)
     return judge_landings(landed, names.model.vehicle(), rng)
 
 
-def _unusable(question: GapQuestion, flown: _Flown) -> tuple[UnusableFile, ...]:
-    refused = [UnusableFile(file=str(item.file), reason=item.reason) for item in flown.prepared.refused]
-    left_out = [UnusableFile(file=item.name, reason=item.reason) for item in flown.not_used]
-    return (*question.unusable, *refused, *left_out)
+def _refused(prepared: PreparedFlights) -> list[NotUsed]:
+    return [NotUsed(str(item.file), item.reason) for item in prepared.refused]
 
 
 def _limitations(examined: _Examined, sizeable: Sequence[FittedTerm]) -> Iterator[str]:

@@ -82,8 +82,9 @@ def find(
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
 ) -> None:
     """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""
+    from calibration.gap.data.record import NotUsed
     from calibration.gap.find import GapQuestion, find_gap
-    from calibration.gap.report import UnusableFile, write_report
+    from calibration.gap.report import write_report
     from calibration.gap.report.improved_vehicle import write_vehicle
     from onboard.record.folder import require_writable
     from onboard.vehicle import load_vehicle
@@ -96,11 +97,11 @@ def find(
             vehicle=model,
             seed=seed,
             ceiling_z=ceiling,
-            unusable=[UnusableFile(file=item["file"], reason=item["reason"]) for item in refused],
+            unusable=[NotUsed(item["file"], item["reason"]) for item in refused],
         )
         result = find_gap(flights, asked, progress=tell)
     for item in result.report.unusable:
-        left_out = with_file({"file": item.file, "reason": item.reason})
+        left_out = with_file({"file": item.name, "reason": item.reason})
         say(progress_console(), f"unusable: {left_out}", "yellow")
     page = write_report(result.report, out, result.figures)
     write_vehicle(result.vehicle, out)

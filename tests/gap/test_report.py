@@ -23,7 +23,6 @@ from calibration.gap.report.document import (
     Levels,
     Rejected,
     Unexplained,
-    UnusableFile,
     Where,
     leaves,
 )
@@ -85,7 +84,7 @@ def report(**changes: Any) -> GapReport:
         ),
         train=("laps-1", "laps-2"),
         held_out=("climb-1",),
-        unusable=(UnusableFile(file="dead.csv", reason="<never> flies"),),
+        unusable=(NotUsed(name="dead.csv", reason="<never> flies"),),
         ambiguous=(AmbiguousSet(names=("drag", "tilt"), separated_by="laps in both directions"),),
         rejected=(Rejected(name="inertia_error", reason="drifts with excitation"),),
         limitations=("no flight near a ceiling: ceiling_effect cannot be judged",),

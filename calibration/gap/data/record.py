@@ -109,7 +109,11 @@ class FlightRecord:
 
 @dataclass(frozen=True)
 class NotUsed:
-    """A flight that one of the analyses cannot use, by name, and why."""
+    """A flight or file that one of the analyses cannot use, by name, and why."""
 
     name: str
     reason: str
+
+    def json_shape(self) -> dict[str, str]:
+        """As every report of the gap finder has it."""
+        return {"file": self.name, "reason": self.reason}

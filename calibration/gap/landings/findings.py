@@ -50,5 +50,4 @@ class LandingFindings:
 
     def json_shape(self) -> dict[str, Any]:
         """Which landings were looked at, as the report has it: its effects stand among those of the air."""
-        refused = [{"file": one.name, "reason": one.reason} for one in self.unused]
-        return {"usable": self.usable, "refused": refused, "misfit": self.misfit, "flips": self.flip}
+        return {"usable": self.usable, "refused": self.unused, "misfit": self.misfit, "flips": self.flip}

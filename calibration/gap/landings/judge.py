@@ -89,18 +89,24 @@ def judge_landings(flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.G
     if vehicle.legs is not None and landings:
         problems, refused = pose_problems(landings, vehicle)
         unused += refused
-    usable = tuple(problem.segment.name for problem in problems)
+    few = f"{len(problems)} usable landing(s); naming needs {LEAST_LANDINGS} that can be held out in turn"
+    nothing = LandingFindings(
+        verdict=LandingVerdict.CANNOT_TELL,
+        findings=(),
+        allowed={},
+        usable=tuple(problem.segment.name for problem in problems),
+        misfit=None,
+        limitations=("the vehicle has no legs" if vehicle.legs is None else few,),
+        flip=flip,
+        unused=tuple(unused),
+    )
     if len(problems) < LEAST_LANDINGS:
-        words = limitations(problems, vehicle, 0.0)
-        few = f"{len(problems)} usable landing(s); naming needs {LEAST_LANDINGS} that can be held out in turn"
-        reason = "the vehicle has no legs" if vehicle.legs is None else few
-        words = (reason, *words)
-        return LandingFindings(LandingVerdict.CANNOT_TELL, (), {}, usable, None, words, flip, tuple(unused))
+        return replace(nothing, limitations=(*nothing.limitations, *limitations(problems, vehicle, 0.0)))
     evidence = _weigh(problems, vehicle, rng)
     table, choice = evidence.table, evidence.choice
     theta = choice.held_out[choice.model].theta if choice.model else None
     findings = _findings(evidence, vehicle, rng)
-    words = ()
+    words: tuple[str, ...] = ()
     if theta is not None and theta.adhesion < PERFECT:
         finer = _finer(problems, vehicle, theta, rng)
         findings = tuple(_up_to(finding, finer) for finding in findings)
@@ -112,15 +118,13 @@ def judge_landings(flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.G
         for effect, parameters in evidence.allowed.items()
     }
     misfit = float(np.median(table.ratios[NOMINAL]))
-    return LandingFindings(
-        _verdict(findings, left, allowed),
-        findings,
-        allowed,
-        usable,
-        misfit if math.isfinite(misfit) else None,
-        words,
-        flip,
-        tuple(unused),
+    return replace(
+        nothing,
+        verdict=_verdict(findings, left, allowed),
+        findings=findings,
+        allowed=allowed,
+        misfit=misfit if math.isfinite(misfit) else None,
+        limitations=words,
     )
 
 
@@ -189,11 +193,8 @@ def _parameters(
 ) -> dict[str, FoundParameter]:
     """The parameters of an effect; what is a factor multiplies that of the vehicle file.
 
-    Args:
-        effect: which.
-        values: relative to the vehicle file, with their intervals.
-        bounds: parameters that ended at the end of what is searched.
-        vehicle: its file.
+    `values` are relative to the file, with their intervals; `bounds` are those that ended at the end of what
+    is searched.
     """
     filed = next((one.values() for one in vehicle.effects if one.name == effect), {})
     found = {}

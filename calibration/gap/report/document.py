@@ -13,6 +13,7 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.record import NotUsed
 from calibration.gap.landings import LandingFindings
 from onboard.json_file import as_json
 
@@ -146,14 +147,6 @@ class NamelessTerms:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnusableFile:
-    """A file that was not used, and why."""
-
-    file: str
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class AmbiguousSet:
     """Effects that these flights cannot tell apart, best first, and what would."""
 
@@ -192,7 +185,7 @@ class GapReport:
     unexplained: Unexplained
     train: tuple[str, ...]
     held_out: tuple[str, ...]
-    unusable: tuple[UnusableFile, ...] = ()
+    unusable: tuple[NotUsed, ...] = ()
     ambiguous: tuple[AmbiguousSet, ...] = ()
     rejected: tuple[Rejected, ...] = ()
     limitations: tuple[str, ...] = ()

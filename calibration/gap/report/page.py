@@ -260,7 +260,7 @@ def _flights(report: GapReport) -> str:
         ["", ""], ([f"{title} ({len(names)})", ", ".join(names) or "none"] for title, names in kinds)
     )
     if report.unusable:
-        unusable = ([item.file, item.reason] for item in report.unusable)
+        unusable = ([item.name, item.reason] for item in report.unusable)
         content += "<h3>Not used</h3>" + text_table(["file", "reason"], unusable)
     return content
 

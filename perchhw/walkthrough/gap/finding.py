@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from calibration.flights import Flight, flight_files, open_flight
+from calibration.gap.data.record import NotUsed
 from calibration.gap.find import GapQuestion, find_gap
-from calibration.gap.report import UnusableFile, write_report
+from calibration.gap.report import write_report
 from calibration.gap.report.improved_vehicle import write_vehicle
 from onboard.errors import InputError
 from onboard.room import RoomGeometry
@@ -21,12 +22,12 @@ def find_in_records(folder: Path, records: Sequence[Path], seed: int) -> dict[st
         ``verdict``, ``effects`` (values and intervals by name and parameter), ``ambiguous``, and ``vehicle``.
     """
     flights: list[Flight] = []
-    unusable: list[UnusableFile] = []
+    unusable: list[NotUsed] = []
     for file in flight_files(records):
         try:
             flights.append(open_flight(file, "perchhw"))
         except InputError as error:
-            unusable.append(UnusableFile(file=str(file), reason=str(error)))
+            unusable.append(NotUsed(str(file), str(error)))
     asked = GapQuestion(
         vehicle=load_vehicle(BELIEVED),
         seed=seed,

@@ -107,7 +107,7 @@ class LandingReport:
                 "roll": self.prepared.roll,
             },
             **({"effects": None} if self.search is None else self.search.json_shape()),
-            "unusable": [{"file": item.name, "reason": item.reason} for item in self.unused],
+            "unusable": self.unused,
         }
 
     def _flight(self, index: int) -> dict[str, Any]:
@@ -176,9 +176,7 @@ def search_report(
 ) -> LandingReport:
     """The report with a search for what the vehicle lacks.
 
-    Args:
-        report: with at least LEAST_FLIGHTS classified flights.
-        vehicle: the model. progress: called with the share done, 0..1.
+    `progress` is called with the share done, 0..1.
 
     Raises:
         TooFewFlightsError: fewer.
