@@ -121,25 +121,14 @@ def sizeable(model: Model, variable: Variable) -> bool:
 def drifting(
     variables: Sequence[Variable], offered: Fitted, errors: Mapping[Variable, float]
 ) -> tuple[Variable, ...]:
-    """Those of an effect's fitted variables about which quiet and hard flying disagree, where they matter.
-
-    Args:
-        variables: all of the effect.
-        offered: the fit.
-        errors: standard error of each variable.
-    """
+    """Those of an effect's fitted variables about which quiet and hard flying disagree, where they matter."""
     return where_they_carry([v for v in variables if drift(v, offered) > 0.0], variables, offered, errors)
 
 
 def where_they_carry(
     odd: Sequence[Variable], variables: Sequence[Variable], offered: Fitted, errors: Mapping[Variable, float]
 ) -> tuple[Variable, ...]:
-    """The `odd` ones of an effect's fitted variables, if they carry the evidence for it; else none.
-
-    Args:
-        odd: what about them is not as it should be.
-        variables, offered, errors: as for :func:`drifting`.
-    """
+    """The `odd` ones of an effect's fitted variables, if they carry the evidence for it; else none."""
     if any(offered.model.nothing_new(v) is None for v in variables):
         return tuple(odd)
     evidence = {v: (offered.model.change(v) / errors[v]) ** 2 for v in variables}

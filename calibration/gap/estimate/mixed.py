@@ -211,10 +211,8 @@ def fit_mixed(
     """Fit shared effects, nuisances and their spreads.
 
     Args:
-        p: products of the columns.
         prior: of the shared effects.
-        spread: standard deviations of the nuisances to begin with.
-        keep_spread: whether to keep these.
+        spread: standard deviations of the nuisances to begin with; `keep_spread`: and to end with.
     """
     scoring = Scoring(p.zz, spread)
     while True:
@@ -259,9 +257,7 @@ def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndar
     line from nothing, would only leave the likelihood of every other effect to chance.
 
     Args:
-        p: products.
         fit: of all parts (its spreads are kept).
-        prior: as for :func:`fit_mixed`.
         folds: fold of each part, shape (parts,).
     """
     return held_out_shares(p, (p,), fit, prior, folds)[0]
@@ -314,7 +310,6 @@ def jackknife_errors(fit: MixedFit, prior: Prior, clusters: np.ndarray) -> Float
 
     Args:
         fit: of all parts; its spreads are kept.
-        prior: as for :func:`fit_mixed`.
         clusters: cluster of each part, 0 .. n-1, shape (parts,).
     """
     count = int(clusters.max()) + 1

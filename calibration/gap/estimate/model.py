@@ -148,12 +148,7 @@ class Model:
         return stack_predictions(records, predictions, [terminal_voltage(p, one) for one in drawing])
 
     def motion(self, records: Sequence[FlightRecord], p: Any) -> FloatArray:
-        """:meth:`predict` with nothing in the voltage, which takes half of its time or more.
-
-        Args:
-            records: flights.
-            p: the model's :meth:`parameters`, or others near them.
-        """
+        """:meth:`predict` with nothing in the voltage, which takes half of its time or more."""
         return stack_motion(records, self.along(records, p))
 
     def voltage_for_lift(self, records: Sequence[FlightRecord]) -> FloatArray:

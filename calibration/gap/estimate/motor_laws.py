@@ -40,8 +40,6 @@ def motor_laws(model: Model, records: Sequence[FlightRecord], usual: FloatArray)
     One law both up and down, the other one so, and the first up with the second down.
 
     Args:
-        model: whose thrusts follow in first order.
-        records: flights.
         usual: the model's own :meth:`~calibration.gap.estimate.model.Model.motion` along them, shape (n, 7).
     """
     p = model.parameters()

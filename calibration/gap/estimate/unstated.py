@@ -28,12 +28,7 @@ _BESIDE = 0.1
 
 
 def unstated(model: Model, records: Sequence[FlightRecord]) -> tuple[FloatArray, ...]:
-    """What each unstated quantity adds to the predicted signals, shape (n, 7) each, per unit of its prior.
-
-    Args:
-        model: of the vehicle.
-        records: flights.
-    """
+    """What each unstated quantity adds to the predicted signals, shape (n, 7) each, per unit of its prior."""
     predictions = model.along(records, model.parameters())
     laws = motor_laws(model, records, stack_motion(records, predictions))
     return (*place_of_board(model, records, predictions), *laws)
@@ -47,13 +42,7 @@ def prior_of_unstated(count: int) -> Prior:
 def place_of_board(
     model: Model, records: Sequence[FlightRecord], predictions: Sequence[Prediction]
 ) -> tuple[FloatArray, ...]:
-    """Specific force beside that of the middle, by axis, of a board one standard deviation beside it.
-
-    Args:
-        model: of the vehicle.
-        records: flights.
-        predictions: by the model, one per flight.
-    """
+    """Specific force beside that of the middle, by axis, of a board one standard deviation beside it."""
     places = _BESIDE * model.size.arm * np.eye(AXES)
     columns: list[list[FloatArray]] = [[] for _ in places]
     for record, predicted in zip(records, predictions, strict=True):

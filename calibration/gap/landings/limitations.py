@@ -12,9 +12,7 @@ from onboard.vehicle import Vehicle
 def limitations(problems: Sequence[Problem], vehicle: Vehicle, left: float) -> tuple[str, ...]:
     """Sentences about these landings.
 
-    Args:
-        problems: the usable landings. vehicle: the model.
-        left: median cost per residual with what was found.
+    `left`: median cost per residual with what was found.
     """
     words: list[str] = []
     if not problems:

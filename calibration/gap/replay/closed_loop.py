@@ -156,10 +156,7 @@ def fly_again(
 ) -> ClosedLoopFlight | None:
     """Fly the model along the longest known stretch of a measured flight.
 
-    Args:
-        record: the flight.
-        vehicle: the model.
-        own: thrust scale and trim of this flight, as its predictions have; None: none.
+    `own`: thrust scale and trim of this flight, as its predictions have.
 
     Returns:
         None when no stretch of free flight with a known pose is :data:`SHORTEST` long.

@@ -259,8 +259,6 @@ def evaluate(
     hovers (:mod:`calibration.gap.replay.hover_voltage`).
 
     Args:
-        records: the flights.
-        vehicle: the model.
         horizons: s, increasing.
         calibrate_first_s: s of each flight to which its thrust scale, lean and trim are fitted; only the rest
             is scored. 0: nothing is fitted and all is scored.

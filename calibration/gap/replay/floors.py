@@ -25,7 +25,6 @@ def accelerometer_bias(inputs: PredictionInputs, rows: Rows, end: int) -> FloatA
     seconds, so is this.
 
     Args:
-        inputs: a flight with an accelerometer.
         rows: starts that reach the horizon, shape (m,). end: samples of the horizon.
     """
     ends, lengths = np.array([end]), np.full(rows.size, end)
@@ -38,10 +37,7 @@ def accelerometer_bias(inputs: PredictionInputs, rows: Rows, end: int) -> FloatA
 def accelerometer_driven(inputs: PredictionInputs, replay: Replay, bias: FloatArray) -> WindowErrors:
     """Errors of the measured specific force integrated with the measured attitude.
 
-    Args:
-        inputs: a flight with an accelerometer.
-        replay: from where, and how far.
-        bias: m/s2, body, of the accelerometer.
+    `bias` (m/s2, body) is that of the accelerometer.
     """
     same = np.broadcast_to(np.eye(3), (replay.rows.size, 3, 3))
     vectors = _translation(inputs, inputs.rotation, same, replay, bias)

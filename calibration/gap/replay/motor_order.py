@@ -36,10 +36,6 @@ def check_motor_order(records: Sequence[FlightRecord], vehicle: Vehicle) -> None
     """Refuse flights that turn as their motor commands would have them in another order, or with rotors that
     turn the other way.
 
-    Args:
-        records: with a voltage each.
-        vehicle: whose thrusts the commands are.
-
     Raises:
         MotorOrderError: they do.
     """
@@ -59,9 +55,6 @@ def check_motor_order(records: Sequence[FlightRecord], vehicle: Vehicle) -> None
 
 def _check_rotors(yaws: float) -> None:
     """Refuse a body that yaws against its rotors.
-
-    Args:
-        yaws: correlation of its yaw with what they are told.
 
     Raises:
         MotorOrderError: it does.

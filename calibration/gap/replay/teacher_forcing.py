@@ -165,10 +165,6 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
     a little older (:func:`~calibration.gap.replay.kernels.duty_between`), rates those of the past carried on.
     Motors are cold at the first sample.
 
-    Args:
-        record: the flight.
-        parameters: record of physics parameters of the model (``physics_parameters(vehicle, room)``).
-
     Raises:
         CalibrationError: the flight has no battery voltage, so that a command means no thrust.
     """

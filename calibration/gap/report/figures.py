@@ -40,15 +40,7 @@ def where(before: GapMap) -> tuple[Where, ...]:
 def unexplained(
     terms: Sequence[FittedTerm], final: Fitted, names: Named, vehicle: Vehicle, left: Sequence[str]
 ) -> Unexplained:
-    """What has no name; its share is of the residual's variance in the channel where most of it lives.
-
-    Args:
-        terms: without a name.
-        final: the fit that they are in.
-        names: what was named.
-        vehicle: as given.
-        left: what is left when all names are in, in words.
-    """
+    """What has no name; its share is of the residual's variance in the channel where most of it lives."""
     structures = [one.structure for one in terms]
     formula_words = formulas(final, [one.term for one in terms], vehicle)
     goes_with = [text for f in structures for text in (f.regressor, f.condition, *f.alike)]
@@ -78,16 +70,7 @@ def figures(
     training: Training,
     maps: tuple[GapMap, GapMap],
 ) -> ReportFigures:
-    """Everything that the page draws.
-
-    Args:
-        stages: predictions before, after each effect, with all.
-        names: what was named.
-        held_out: flights that no fit saw; the first that can be is flown again.
-        found: the search.
-        training: its flights.
-        maps: where the residual lived before, and lives after.
-    """
+    """Everything that the page draws."""
     return ReportFigures(
         effects=effect_pictures(names.effects, found.final, training),
         stages=stage_gaps(stages),

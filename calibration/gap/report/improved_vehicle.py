@@ -35,12 +35,8 @@ _MOST_OF_A_MOTOR = 0.9
 def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], names: Named, source: str) -> Vehicle:
     """A vehicle with effects added, or put in the place of those that it had under the same names.
 
-    Args:
-        vehicle: as given.
-        effects: found; parameters that were not found stay neutral.
-        names: of the search, with the effects that are real and too small for a name, and with curves that
-            have none.
-        source: provenance of the numbers, for the file.
+    Parameters that were not found stay neutral. `names` has the effects that are real and too small for a
+    name, and the curves that have none; `source` is the provenance of the numbers.
     """
     added = tuple(
         Effect(

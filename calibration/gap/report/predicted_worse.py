@@ -21,11 +21,7 @@ def predicted_worse(
 ) -> str | None:
     """Why no name is believed; None where names predict no worse than nothing.
 
-    Args:
-        names: all of them.
-        stages: predictions of the flights kept back.
-        own: m, what each of these has of its own.
-        fitted: the flights that were fitted.
+    `stages` are of the flights kept back, of which each has its `own` (m); `fitted` are the others.
     """
     if worse_than_their_own(stages, own):
         return FAILED

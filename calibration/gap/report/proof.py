@@ -45,12 +45,7 @@ def proof(
 ) -> Proof:
     """Hold what a search found against `kept_back`, the flights that no fit saw.
 
-    Args:
-        found: the search.
-        names: what it named.
-        training: what it was fitted to.
-        kept_back: may be empty.
-        source: provenance of the numbers, for the vehicle file.
+    `source` is the provenance of the numbers, for the vehicle file.
     """
     # A ceiling whose height the search has found is over the flights that are predicted, too.
     ceiling = names.model.ceiling_z

@@ -60,10 +60,6 @@ def own_floor(final: Fitted, kept_back: int) -> float:
     Scale of thrust and bias differ from flight to flight (random effects), and no model knows those of a
     flight that it has not seen: of few flights kept back, one that lifts 1.5 % less than the others says
     nothing about a model. Beyond what is ordinary they are a gap.
-
-    Args:
-        final: the fit with all names, whose spreads count.
-        kept_back: how many flights are predicted.
     """
     ordinary = np.minimum(final.estimate.fit.spread, FIRST_SPREAD)
     spreads = zip((*NUISANCES, *(NUISANCES[index] for index in STEADY)), ordinary, strict=True)
@@ -77,13 +73,8 @@ def remaining(
 ) -> tuple[str, ...]:
     """Sentences on what is left; none where names, sensors and chance account for the flights.
 
-    Args:
-        gap: on flights kept back.
-        chance: m, from :func:`chance_floor` and :func:`own_floor`.
-        final: the fit with all names.
-        after: where its residual lives.
-        vehicle: as given.
-        named: whether anything has a name.
+    `chance` (m) is from :func:`chance_floor` and :func:`own_floor`; `after`: where the residual of
+    the `final` fit lives; `named`: whether anything has a name.
     """
     nuisances = (*_means(final, vehicle), *_own(final, vehicle))
     return (*_error(gap, chance, named), *_places(after, vehicle), *nuisances)

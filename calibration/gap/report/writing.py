@@ -19,11 +19,6 @@ class ReportFolderError(CalibrationError, InputError):
 def write_report(report: GapReport, folder: Path, figures: ReportFigures | None = None) -> Path:
     """Write ``report.json`` and ``report.html`` into a folder, which is made where it is missing.
 
-    Args:
-        report: what was found.
-        folder: where to.
-        figures: what the page draws; None for a page of words and tables.
-
     Returns:
         The page.
 

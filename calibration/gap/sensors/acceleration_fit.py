@@ -53,8 +53,6 @@ def fit_acceleration(
     """Fit one flight; None without accelerometer or without enough flight.
 
     Args:
-        record: flight.
-        attitude: its fit of the attitude.
         rotation, rotation_covariance: what is known of the turn of the tracked frame, rad, (3,) and (3, 3).
     """
     if record.specific_force is None:

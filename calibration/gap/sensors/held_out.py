@@ -83,10 +83,6 @@ def held_out_improvement(
 
     What a flight does not share with the others is taken out before and after, as are the other effects.
     After, the mean over the flights of other shapes is taken out too.
-
-    Args:
-        name: of the effect.
-        records, flights: the flights and their estimates, in one order.
     """
     shapes = [record.shape for record in records]
     pooled = pool_flights(flights)

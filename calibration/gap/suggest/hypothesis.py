@@ -97,10 +97,6 @@ def imu_against_pose(record: FlightRecord, vehicle: Vehicle) -> FloatArray:
     """Specific force (m/s2) and rate (rad/s) that the IMU shows beyond those of motion capture, shape (n, 6).
 
     Zero for a vehicle without effects of sensing.
-
-    Args:
-        record: true motion of a flight.
-        vehicle: its effects of sensing are applied to what is seen.
     """
     values = {effect.name: effect.values() for effect in vehicle.effects if effect.name in SENSING}
     if not values:

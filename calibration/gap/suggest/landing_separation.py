@@ -47,14 +47,7 @@ _LOG_STEPS = 10
 
 
 def landing_separation(vehicle: Vehicle, true: Hypothesis, other: str, room: RoomGeometry) -> Separation:
-    """How much worse another effect explains landings of the true one, on the mean of three conditions.
-
-    Args:
-        vehicle: base vehicle, with effects that are certain; without legs nothing can be told.
-        true: what lands.
-        other: effect that is fitted to it.
-        room: the ceiling.
-    """
+    """How much worse another effect explains landings of the true one, on the mean of three conditions."""
     if vehicle.legs is None:
         return Separation(0.0, SECONDS)
     base = only(vehicle, lambda name: name not in (true.effect, other))

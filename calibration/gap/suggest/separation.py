@@ -54,13 +54,8 @@ def separation(
 ) -> Separation:
     """How much worse another effect explains a flight of the true one; nothing where it cannot be flown.
 
-    Args:
-        vehicle: base vehicle, with effects that are certain.
-        true: what the flight is simulated with.
-        other: effect that is fitted to it.
-        course: the flight.
-        room: where it is flown.
-        seed: of the disturbances.
+    `vehicle` has the effects that are certain; the flight is simulated with the `true` one, `seed` is of its
+    disturbances.
     """
     base = only(vehicle, lambda name: name not in (true.effect, other))
     flown = true.on(base)

@@ -45,12 +45,7 @@ def fly_course(
     None when the vehicle strays from the course further than :data:`ASTRAY`, or touches ceiling or floor:
     nobody should fly it.
 
-    Args:
-        vehicle: what flies; the controller knows it without its effects.
-        course: what it is asked to do.
-        room: where.
-        rng: for the disturbances.
-        shape: name of the trajectory's shape.
+    `shape` is the name of its trajectory's shape; `rng` draws the disturbances.
     """
     p = physics_parameters(vehicle, room)
     count = course.t.size

@@ -42,7 +42,7 @@ def measured_launch(
     """From starts; None where fewer than five were told a speed and an angle.
 
     Args:
-        starts: the flights. ceilings: m (n,), of their sessions.
+        ceilings: m (n,), of the sessions of the flights.
         height: m, standard deviation of the distance to the ceiling within a session.
     """
     told, flown, above = [], [], []

@@ -57,9 +57,7 @@ def forecast(
 ) -> OutcomeForecast:
     """Simulate every flight with a vehicle.
 
-    Args:
-        prepared: the flights. vehicle: the model.
-        progress: called with the share of the flights done, 0..1.
+    `progress` is called with the share of the flights done, 0..1.
     """
     return forecast_with(prepared, physics_parameters(vehicle, RoomGeometry()), progress)
 

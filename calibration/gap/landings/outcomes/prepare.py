@@ -99,14 +99,7 @@ class PreparedLandings:
 def prepare(
     flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.Generator, draws: int = DRAWS
 ) -> PreparedLandings:
-    """Starts, clocks, ceilings and dispersion of flights.
-
-    Args:
-        flights: any; those without a start are listed.
-        vehicle: that flew.
-        rng: draws the errors of each landing.
-        draws: landings a flight.
-    """
+    """Starts, clocks, ceilings and dispersion of flights."""
     free = below_no_ceiling(vehicle)
     starts: list[TriggerStart] = []
     unused: list[NotUsed] = []

@@ -88,11 +88,7 @@ class RollEvidence:
 def roll_evidence(
     starts: Sequence[TriggerStart], vehicle: Vehicle, rng: np.random.Generator
 ) -> RollEvidence | None:
-    """Hold the candidates against flips and approaches; None with fewer than LEAST_FLIPS flips.
-
-    Args:
-        starts: of the flights. vehicle: that flew. rng: draws flights again.
-    """
+    """Hold the candidates against flips and approaches; None with fewer than LEAST_FLIPS flips."""
     flips = [flip for flip in map(_flip, starts) if flip is not None]
     if len(flips) < LEAST_FLIPS:
         return None

@@ -94,12 +94,7 @@ class TriggerStart:
 
 
 def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerStart | NotUsed:
-    """The start of one flight, or why there is none.
-
-    Args:
-        flight: with gyro, pose and commands up to the trigger.
-        vehicle: its vehicle. parameters: the physics of it.
-    """
+    """The start of one flight, or why there is none."""
     if flight.trigger is None:
         return NotUsed(flight.name, _without_trigger(flight))
     if flight.trigger.inferred:

@@ -20,10 +20,7 @@ def judge_outcomes(
 ) -> LandingVerdict:
     """The verdict.
 
-    Args:
-        score: of the classified flights; None where they are too few.
-        probability: of four, two, none, for these flights (n, 3).
-        search: None where it was not asked for.
+    `score` and `probability` (of four, two, none, (n, 3)) are of the classified flights.
     """
     if score is None:
         return LandingVerdict.CANNOT_TELL
