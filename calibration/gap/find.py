@@ -13,7 +13,7 @@ from calibration.errors import CalibrationError
 from calibration.flights import Flight
 from calibration.gap.data import PreparedFlights, prepare_flights
 from calibration.gap.data.duplicates import content_hash
-from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.found import FoundEffect, Verdict
 from calibration.gap.data.names import distinctly_named
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.signals import CHANNELS, UNITS
@@ -22,7 +22,7 @@ from calibration.gap.estimate.held_out import HeldOutFlights
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Training, training_set
-from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
+from calibration.gap.landings import LandingFindings, judge_landings
 from calibration.gap.replay.hover_voltage import of_one_vehicle
 from calibration.gap.replay.motor_order import check_motor_order
 from calibration.gap.replay.touching import clear_of_floor
@@ -30,7 +30,6 @@ from calibration.gap.report.confidence import with_probability
 from calibration.gap.report.document import (
     AmbiguousSet,
     GapReport,
-    GapVerdict,
     Rejected,
 )
 from calibration.gap.report.effects import found_effects
@@ -72,9 +71,6 @@ class GapResult:
     """What was found.
 
     Attributes:
-        report: the document.
-        figures: what its page draws.
-        vehicle: the improved model.
         ceiling_z: m, height of the ceiling: given, or found; None: it plays no part.
     """
 
@@ -89,8 +85,6 @@ class GapQuestion:
     """What is asked.
 
     Attributes:
-        vehicle: the model.
-        seed: of all random numbers.
         ceiling_z: m, height of the ceiling, if known.
         unusable: files that were refused on reading.
     """
@@ -120,10 +114,8 @@ class _Flown:
 
     Attributes:
         prepared: as read, with what cannot be concluded from them.
-        sensing: what their sensors show.
         not_used: those that were left out after that, with the reason.
         to_fit, kept_back: the others, the latter for the proof; none of few flights.
-        ceiling_z: m, or None.
     """
 
     prepared: PreparedFlights
@@ -139,13 +131,9 @@ class _Examined:
     """What the flights gave, step by step.
 
     Attributes:
-        flown: the flights.
-        training: those that were fitted.
-        found: the search.
         proved: what flights that no fit saw leave of it.
         sensed: effects of the sensors.
         in_the_air: effects of body, motors and air.
-        landings: what landings say of legs and feet, if there are any.
         maps: where the gap lived before anything was added, and where the rest lives.
     """
 
@@ -300,11 +288,11 @@ def _ceiling(question: GapQuestion, records: Sequence[FlightRecord]) -> float | 
     return question.ceiling_z if question.ceiling_z is not None or len(told) != 1 else told.pop()
 
 
-def _verdict(effects: Sequence[FoundEffect], explained: bool, landings: LandingFindings | None) -> GapVerdict:
-    odd_landings = landings is not None and landings.verdict is LandingVerdict.UNEXPLAINED_GAP
+def _verdict(effects: Sequence[FoundEffect], explained: bool, landings: LandingFindings | None) -> Verdict:
+    odd_landings = landings is not None and landings.verdict is Verdict.UNEXPLAINED_GAP
     if odd_landings or not explained:
-        return GapVerdict.UNEXPLAINED_GAP
-    return GapVerdict.EFFECTS_FOUND if effects else GapVerdict.NO_GAP
+        return Verdict.UNEXPLAINED_GAP
+    return Verdict.EFFECTS_FOUND if effects else Verdict.NO_GAP
 
 
 def _ambiguous(effects: Sequence[FoundEffect]) -> tuple[AmbiguousSet, ...]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.gap.landings import LandingVerdict
+from calibration.gap.data.found import Verdict
 from calibration.gap.landings.outcomes.scores import score
 from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point
 from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words, judge_outcomes
@@ -85,8 +85,8 @@ def test_a_lab_is_told_what_its_vehicle_file_lacks(few: list[Judged]) -> None:
     """In words with the value in the file beside it, and as a vehicle file that has it."""
     found = few[1].found
     scored = found.fits[0].left_one_out
-    assert judge_outcomes(scored, np.zeros((8, 3)), found) is LandingVerdict.EFFECTS_FOUND
-    sentences = in_words(LandingVerdict.EFFECTS_FOUND, scored, found)
+    assert judge_outcomes(scored, np.zeros((8, 3)), found) is Verdict.EFFECTS_FOUND
+    sentences = in_words(Verdict.EFFECTS_FOUND, scored, found)
     assert "pad_capture.speed" in sentences[0]
     assert "(filed 0)" in sentences[0]
     better = improved_vehicle(load_vehicle(VEHICLE), found, "a test")
@@ -103,11 +103,11 @@ def test_counts_that_the_model_does_not_expect_are_a_gap_without_a_name() -> Non
     sure = np.tile([0.9, 0.08, 0.02], (10, 1))
     rng = np.random.default_rng(0)
     few = score(sure, np.array([0] * 3 + [1] * 7), 100, rng)
-    assert judge_outcomes(few, sure, None) is LandingVerdict.UNEXPLAINED_GAP
-    assert "--search" in in_words(LandingVerdict.UNEXPLAINED_GAP, few, None)[0]
+    assert judge_outcomes(few, sure, None) is Verdict.UNEXPLAINED_GAP
+    assert "--search" in in_words(Verdict.UNEXPLAINED_GAP, few, None)[0]
     as_said = score(sure, np.array([0] * 9 + [1]), 100, rng)
-    assert judge_outcomes(as_said, sure, None) is LandingVerdict.NO_GAP
-    assert judge_outcomes(None, np.empty((0, 3)), None) is LandingVerdict.CANNOT_TELL
+    assert judge_outcomes(as_said, sure, None) is Verdict.NO_GAP
+    assert judge_outcomes(None, np.empty((0, 3)), None) is Verdict.CANNOT_TELL
 
 
 def test_a_table_of_judged_sets_goes_on_and_counts_what_was_named(tmp_path: Path) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from calibration.flights import Flight, open_flight, open_flights
-from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
+from calibration.gap.data.found import Verdict
+from calibration.gap.landings import LandingFindings, judge_landings
 from calibration.gap.landings.choose import at_bound
 from calibration.gap.landings.flip import flip_residual
 from calibration.gap.landings.judge import improvement
@@ -163,7 +164,7 @@ def test_hidden_hinge_costs_least_where_it_is(soft: Campaign, vehicle: Vehicle) 
 
 @pytest.mark.soak
 def test_soft_hinge_is_named_and_measured(soft_findings: LandingFindings) -> None:
-    assert soft_findings.verdict is LandingVerdict.EFFECTS_FOUND
+    assert soft_findings.verdict is Verdict.EFFECTS_FOUND
     finding = soft_findings.findings[0]
     assert [found.name for found in soft_findings.findings] == ["leg_stiffness"]
     value, (low, high) = finding.parameters["scale"].value, finding.parameters["scale"].ci95
@@ -193,7 +194,7 @@ def test_a_fit_at_the_end_of_its_range_is_no_value() -> None:
 @pytest.mark.further
 def test_healthy_legs_are_cleared(healthy: Campaign, vehicle: Vehicle) -> None:
     found = judge_landings(healthy.flights, vehicle, np.random.default_rng(0))
-    assert found.verdict is LandingVerdict.NO_GAP
+    assert found.verdict is Verdict.NO_GAP
     assert not found.findings
     low, high = found.allowed["leg_stiffness"]["scale"]
     assert 0.8 < low < 1.0 < high < 1.25
@@ -213,7 +214,7 @@ def test_damped_hinge_is_not_called_stiff(tmp_path: Path, vehicle: Vehicle) -> N
 def test_one_landing_or_its_copies_name_nothing(one_soft: Flight, vehicle: Vehicle) -> None:
     copies = [one_soft] * 8
     found = judge_landings(copies, vehicle, np.random.default_rng(0))
-    assert found.verdict is LandingVerdict.CANNOT_TELL
+    assert found.verdict is Verdict.CANNOT_TELL
     assert not found.findings
     assert "can be held out" in found.limitations[0]
     refused = as_json(found)["refused"]
@@ -230,7 +231,7 @@ def test_flights_without_a_landing_are_named(one_soft: Flight, vehicle: Vehicle)
         trigger=None,
     )
     found = judge_landings([flight], vehicle, np.random.default_rng(0))
-    assert found.verdict is LandingVerdict.CANNOT_TELL
+    assert found.verdict is Verdict.CANNOT_TELL
     assert found.unused[0].reason == "the flight has no flip"
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from calibration.errors import CalibrationError
-from calibration.gap.data.found import FoundEffect, FoundParameter
+from calibration.gap.data.found import FoundEffect, FoundParameter, Verdict
 from calibration.gap.data.record import NotUsed
-from calibration.gap.landings import LandingFindings, LandingVerdict
+from calibration.gap.landings import LandingFindings
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay import evaluate, fly_again
 from calibration.gap.report.document import (
@@ -19,7 +19,6 @@ from calibration.gap.report.document import (
     AmbiguousSet,
     Gap,
     GapReport,
-    GapVerdict,
     Levels,
     Rejected,
     Unexplained,
@@ -44,7 +43,7 @@ RNG = np.random.default_rng(11)
 def report(**changes: Any) -> GapReport:
     """A report with everything in it; `changes` replace fields."""
     full = GapReport(
-        verdict=GapVerdict.UNEXPLAINED_GAP,
+        verdict=Verdict.UNEXPLAINED_GAP,
         vehicle="crazyflie21-stock",
         effects=(
             FoundEffect(
@@ -89,7 +88,7 @@ def report(**changes: Any) -> GapReport:
         rejected=(Rejected(name="inertia_error", reason="drifts with excitation"),),
         limitations=("no flight near a ceiling: ceiling_effect cannot be judged",),
         landings=LandingFindings(
-            verdict=LandingVerdict.NO_GAP,
+            verdict=Verdict.NO_GAP,
             findings=(),
             allowed={},
             usable=("landing-1", "landing-2"),
@@ -226,12 +225,12 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
     ("changes", "sentence"),
     [
         (
-            {"verdict": GapVerdict.NO_GAP, "effects": ()},
+            {"verdict": Verdict.NO_GAP, "effects": ()},
             "Nothing is missing that these flights show",
         ),
         (
             {
-                "verdict": GapVerdict.NO_GAP,
+                "verdict": Verdict.NO_GAP,
                 "effects": (),
                 "rejected": (
                     Rejected(name="com_offset", reason="real, but too small for a name (x = 2e-4 m)"),
@@ -239,7 +238,7 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
             },
             "Nothing is missing that matters; what is real and too small for a name is in the vehicle file",
         ),
-        ({"verdict": GapVerdict.EFFECTS_FOUND}, "Found: battery sag and motor saturation were missing"),
+        ({"verdict": Verdict.EFFECTS_FOUND}, "Found: battery sag and motor saturation were missing"),
         ({}, "Battery sag and motor saturation were missing, and something else"),
         ({"effects": (), "train": ("a", "b", "c")}, "Something is missing that no known effect explains"),
         ({"effects": ()}, "Something is missing, and fewer than 3 flights cannot name it: fly more"),
@@ -250,7 +249,7 @@ def test_the_verdict_in_words_comes_first(tmp_path: Path, changes: dict[str, Any
     page = Page(write_report(report(**changes), tmp_path))
     head, _, _ = page.text.partition("Flights")
     assert sentence in head
-    if changes.get("verdict") is GapVerdict.NO_GAP:
+    if changes.get("verdict") is Verdict.NO_GAP:
         assert "What was missing" not in page.text
     if "effects" not in changes:
         assert "battery sag cannot be told from thrust scale. To tell: a long discharge" in head
@@ -258,9 +257,9 @@ def test_the_verdict_in_words_comes_first(tmp_path: Path, changes: dict[str, Any
 
 def test_reports_that_contradict_themselves_are_refused(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="cannot have effects"):
-        report(verdict=GapVerdict.NO_GAP)
+        report(verdict=Verdict.NO_GAP)
     with pytest.raises(CalibrationError, match="needs an effect"):
-        report(verdict=GapVerdict.EFFECTS_FOUND, effects=())
+        report(verdict=Verdict.EFFECTS_FOUND, effects=())
     with pytest.raises(CalibrationError, match=r"unexplained\.share is nan"):
         write_report(report(unexplained=Unexplained(share=float("nan"))), tmp_path)
     assert not (tmp_path / "report.json").exists()

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from calibration.gap.landings.findings import LandingVerdict
+from calibration.gap.data.found import Verdict
 from calibration.gap.landings.outcomes.search import GROUPS, OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import (
     WITHOUT,
@@ -47,7 +47,7 @@ def test_a_shape_is_named_where_flights_are_predicted_worse_without_it(group: st
     entry = next(one for one in as_json(found)["effects"] if one["name"] == effect)
     assert set(entry["parameters"]) == set(EFFECTS[effect].parameters)
     assert f"its {group}: {effect}." in " ".join(
-        in_words(LandingVerdict.EFFECTS_FOUND, found.fits[0].left_one_out, found)
+        in_words(Verdict.EFFECTS_FOUND, found.fits[0].left_one_out, found)
     )
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from calibration.flights import open_flights
+from calibration.gap.data.found import Verdict
 from calibration.gap.find import GapQuestion, GapResult, find_gap
-from calibration.gap.report.document import GapVerdict
 from tests.truth import tunnel
 
 
@@ -21,7 +21,7 @@ def found_in(speed: float, seed: int, folder: Path) -> tuple[tunnel.Truth, GapRe
 def test_wind_is_named_with_direction_and_speed(tmp_path: Path) -> None:
     truth, found = found_in(6.0, 21, tmp_path)
     effects = {effect.name: effect for effect in found.report.effects}
-    assert found.report.verdict is GapVerdict.EFFECTS_FOUND
+    assert found.report.verdict is Verdict.EFFECTS_FOUND
     x, y = (effects["wind"].parameters[axis].value for axis in "xy")
     assert math.hypot(x, y) == pytest.approx(6.0, rel=0.25)
     turned = math.atan2(y, x) - math.atan2(truth.wind_y, truth.wind_x)

@@ -2,10 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 from calibration.measurement import Interval
 from onboard.vehicle import EFFECTS
+
+
+class Verdict(StrEnum):
+    """What flights, or landings by their motion or their outcomes, say of a vehicle file."""
+
+    EFFECTS_FOUND = "effects_found"
+    NO_GAP = "no_gap"
+    UNEXPLAINED_GAP = "unexplained_gap"
+    """something structured is left that no known effect explains, whether or not others were found"""
+    CANNOT_TELL = "cannot_tell"
+    """too few landings, or landings that would look alike with legs far from the filed ones"""
 
 
 @dataclass(frozen=True, kw_only=True)

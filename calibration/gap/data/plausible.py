@@ -42,8 +42,6 @@ class _Range(NamedTuple):
     """A range of motor commands that is in use elsewhere.
 
     Attributes:
-        words: what it is.
-        most: its end.
         least: what the largest command of a flight exceeds.
         lowest: what the smallest one that turns a motor exceeds.
     """

@@ -25,8 +25,6 @@ class PreparedFlights:
     """Flights that can be analysed.
 
     Attributes:
-        records: usable flights, in the order given.
-        refused: flights that are not used, each with the reason.
         limitations: what cannot be concluded from these flights, in words.
     """
 

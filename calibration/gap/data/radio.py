@@ -19,7 +19,6 @@ class ReceivedSignal:
     """A logged quantity without what was made up.
 
     Attributes:
-        samples: those that were measured.
         lost_s: time within the log that was interpolated (s).
         dead_s: time at its end that was extrapolated (s).
     """

@@ -47,7 +47,6 @@ class Judgement:
         gain: held-out log-likelihood gained.
         significant: whether the gain and at least one parameter are beyond chance.
         sizeable: whether at least one parameter is as far from neutral as is worth a name.
-        at_bound: parameters that ended at a bound.
         errors: clustered standard error of each new variable.
     """
 

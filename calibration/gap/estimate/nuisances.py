@@ -33,8 +33,6 @@ class Nuisance(NamedTuple):
     """One value per part of a flight.
 
     Attributes:
-        name: what it is.
-        unit: of its value.
         parts: spread over parts of flights.
         flights: spread over flights of the value about which their parts scatter; None: about zero.
     """

@@ -24,7 +24,6 @@ class UnnamedTerm(ABC):
     """Something that no named effect describes, linear in its values.
 
     Attributes:
-        channel: where it acts.
         regressor: name of what it goes with; "time" for a line.
         columns: signals per unit of each value (m/s2, rad/s2 or V), shape (n, 7) each.
     """
@@ -70,8 +69,6 @@ class Training:
     """Flights to fit to.
 
     Attributes:
-        records: the flights.
-        regression: their signals.
         by_shape: fold of each part of a flight; flights of one kind are in one fold.
         by_time: fold of each part, neighbours apart: for effects that one or two flights alone show.
         quiet: variance of the angular acceleration that is commanded where nobody asks for any, shape (3,).
@@ -126,7 +123,6 @@ class Fitted:
         columns: derivative of the signals by each variable, then by what no vehicle file states
             (:mod:`calibration.gap.estimate.unstated`), then the columns of the unnamed terms.
         unstated: what was known of that before these flights.
-        unnamed: terms without a name that are in the model.
     """
 
     model: Model

@@ -28,9 +28,7 @@ class LinearisedFit:
 
     Attributes:
         fit: shared effects (steps from the model's values) and nuisances.
-        products: of all columns that were offered.
         by_kind: the shares of these that forces, torques and the battery's voltage have.
-        noise: that it was fitted under.
         residual: signals less prediction, nuisances and fitted effects, shape (n, 7), not whitened.
     """
 
@@ -45,7 +43,6 @@ class Regression:
     """The signals of some flights, ready for fits about any model.
 
     Attributes:
-        signals: of the flights.
         weights: of each part in each channel, shape (parts, 7) (:mod:`calibration.gap.data.excitation`).
         whole: rows that have a complete past, shape (n, 7).
     """

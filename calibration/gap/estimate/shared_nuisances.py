@@ -33,7 +33,6 @@ class SharedNuisance(NamedTuple):
     """A nuisance, or its course within a flight, and what flights share of it.
 
     Attributes:
-        name, unit: of the nuisance, or of its course.
         mean, error: over flights, and its standard error.
         least: mean that has a consequence.
         beyond_chance: whether the mean is, and has a consequence.

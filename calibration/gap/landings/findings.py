@@ -1,24 +1,12 @@
 """What a set of landings says about legs and feet: the result of :func:`judge_landings`."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 
-from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.found import FoundEffect, Verdict
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.flip import FlipResidual
 from calibration.measurement import Interval
-
-
-class LandingVerdict(StrEnum):
-    """What the landings say, by their motion or by their outcomes."""
-
-    EFFECTS_FOUND = "effects_found"
-    NO_GAP = "no_gap"
-    UNEXPLAINED_GAP = "unexplained_gap"
-    """the vehicle does not explain them, and no effect does"""
-    CANNOT_TELL = "cannot_tell"
-    """too few landings, or landings that would look alike with legs far from the filed ones"""
 
 
 @dataclass(frozen=True)
@@ -26,20 +14,16 @@ class LandingFindings:
     """The result.
 
     Attributes:
-        verdict: in one word.
         findings: in the order found. Errors are rad/s, median over landings of the RMS rate error in the
             0.3 s after the contact, each landing with values that were fitted to the others. What ended at
             the end of what is searched is at its bound: no value.
         allowed: what the data still allow for each effect alone: 95 % interval by effect and parameter.
-        usable: names of the flights whose landings can be judged.
         misfit: their median cost per residual with the vehicle as it was given: about 0.1 to 1 where the
             equations hold; None where they are too few to be judged, or the vehicle does not fly them at all.
-        limitations: what was not, or could not be, judged.
         flip: pitch rate before the contact, or None without commands.
-        unused: flights without a usable landing.
     """
 
-    verdict: LandingVerdict
+    verdict: Verdict
     findings: tuple[FoundEffect, ...]
     allowed: dict[str, dict[str, Interval]]
     usable: tuple[str, ...]

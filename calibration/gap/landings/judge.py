@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.flights import Flight
-from calibration.gap.data.found import FoundEffect, FoundParameter, separations
+from calibration.gap.data.found import FoundEffect, FoundParameter, Verdict, separations
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.choose import REPLICATES, Choice, at_bound, choose, intervals
-from calibration.gap.landings.findings import LandingFindings, LandingVerdict
+from calibration.gap.landings.findings import LandingFindings
 from calibration.gap.landings.flip import flip_residual
 from calibration.gap.landings.kernels import BODY
 from calibration.gap.landings.limitations import limitations
@@ -91,7 +91,7 @@ def judge_landings(flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.G
         unused += refused
     few = f"{len(problems)} usable landing(s); naming needs {LEAST_LANDINGS} that can be held out in turn"
     nothing = LandingFindings(
-        verdict=LandingVerdict.CANNOT_TELL,
+        verdict=Verdict.CANNOT_TELL,
         findings=(),
         allowed={},
         usable=tuple(problem.segment.name for problem in problems),
@@ -257,10 +257,10 @@ def improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator)
 
 def _verdict(
     findings: Sequence[FoundEffect], left: float, allowed: dict[str, dict[str, Interval]]
-) -> LandingVerdict:
+) -> Verdict:
     if findings:
-        return LandingVerdict.EFFECTS_FOUND
+        return Verdict.EFFECTS_FOUND
     if left > UNEXPLAINED:
-        return LandingVerdict.UNEXPLAINED_GAP
+        return Verdict.UNEXPLAINED_GAP
     low, high = allowed["leg_stiffness"].get("scale", (1.0, 1.0))
-    return LandingVerdict.NO_GAP if high < TELLING and low > 1.0 / TELLING else LandingVerdict.CANNOT_TELL
+    return Verdict.NO_GAP if high < TELLING and low > 1.0 / TELLING else Verdict.CANNOT_TELL

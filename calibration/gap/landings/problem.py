@@ -51,7 +51,6 @@ class Problem:
     """One landing, ready for the kernels.
 
     Attributes:
-        segment: where it comes from.
         start: its start; sigma complete.
         ceiling: m, prior mean of the ceiling's height.
         targets: (steps, 4), N.

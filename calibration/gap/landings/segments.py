@@ -39,7 +39,6 @@ class LandingSegment:
     """One landing.
 
     Attributes:
-        flight: the flight that holds it.
         trigger: s, when the flip began.
         before, after: s, times of the gyro samples between which something first touched.
         gyro_t, gyro: s and rad/s, (n,) and (n, 3), from the trigger on.

@@ -55,7 +55,6 @@ class ClosedLoopFlight:
     """A measured flight and the model that flew it again.
 
     Attributes:
-        name: of the flight.
         t: s, shape (n,), without the settling.
         duty, needed_duty: mean of the four motors, measured and needed by the model, shape (n,).
         attitude, needed_attitude: quaternions, shape (n, 4).

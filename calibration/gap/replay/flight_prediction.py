@@ -121,7 +121,6 @@ class Replay:
         rows: starts, increasing, shape (m,).
         ends: samples of the horizons, increasing, shape (h,).
         lengths: samples that may be predicted from each start, shape (m,).
-        parameters: of the physics.
         trims: of each start, shape (m, 5) or (5,), see :data:`~calibration.gap.replay.kernels.Trim`.
         given_attitude: attitude and rate are the measured ones.
         velocity: m/s, shape (m, 3), to start with; default: that from the past alone.

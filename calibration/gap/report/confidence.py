@@ -20,7 +20,6 @@ class Counted(NamedTuple):
     Attributes:
         least: clearness from which on they are, in standard errors.
         right: how many named what was hidden, or an effect that the report says it could also be.
-        total: how many there were.
     """
 
     least: float

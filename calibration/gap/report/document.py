@@ -8,11 +8,10 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from enum import StrEnum
 from typing import Any
 
 from calibration.errors import CalibrationError
-from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.found import FoundEffect, Verdict
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings import LandingFindings
 from onboard.json_file import as_json
@@ -21,15 +20,6 @@ SCHEMA = "perchhw.gap/1"
 
 METRIC = "position, attitude given"
 """The quantity whose error stands for the whole gap."""
-
-
-class GapVerdict(StrEnum):
-    """What the search came to."""
-
-    EFFECTS_FOUND = "effects_found"
-    NO_GAP = "no_gap"
-    UNEXPLAINED_GAP = "unexplained_gap"
-    """something structured is left that no known effect explains, whether or not others were found"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,9 +102,7 @@ class Unexplained:
 
     Attributes:
         share: of the gap before that is left and structured.
-        channels: where it lives.
         suspects: what it goes with: regressors, frequencies, or effects that come close and do not explain.
-        formula: the closest formula, or None.
     """
 
     share: float
@@ -137,7 +125,6 @@ class NamelessTerms:
 
     Attributes:
         written: in words, those that are in the vehicle file as ``[[unnamed]]``.
-        refused: the others, with the reason.
         closes: the gap's metric with names alone, and with what is written besides; None: nothing is.
     """
 
@@ -159,15 +146,9 @@ class GapReport:
     """What ``perchhw gap find`` found.
 
     Attributes:
-        verdict: see :class:`GapVerdict`.
         vehicle: name of the model that was held against the flights.
-        effects: in the order found.
-        gap: before and after.
         where: where the gap lived, largest share first.
-        unexplained: what is left.
-        nameless: what was found without a name.
         train, held_out: names of the flights that were fitted and of those that no fit saw.
-        unusable: files that were not used.
         ambiguous: sets of effects that the data cannot tell apart, whether or not one of them was found.
         rejected: effects that were near but not accepted.
         limitations: what cannot be concluded from these flights, in sentences.
@@ -177,7 +158,7 @@ class GapReport:
         noise: measured noise of the channels, by name; numbers, texts, lists or tables of them.
     """
 
-    verdict: GapVerdict
+    verdict: Verdict
     vehicle: str
     effects: tuple[FoundEffect, ...]
     gap: Gap
@@ -197,9 +178,9 @@ class GapReport:
 
     def __post_init__(self) -> None:
         """Check that verdict and effects agree."""
-        if bool(self.effects) and self.verdict is GapVerdict.NO_GAP:
+        if bool(self.effects) and self.verdict is Verdict.NO_GAP:
             raise CalibrationError("a report without a gap cannot have effects")
-        if not self.effects and self.verdict is GapVerdict.EFFECTS_FOUND:
+        if not self.effects and self.verdict is Verdict.EFFECTS_FOUND:
             raise CalibrationError("a report with the verdict effects_found needs an effect")
 
     def json_shape(self) -> dict[str, Any]:

@@ -41,7 +41,6 @@ class ReportFigures:
     """All figures of a report; what is empty or None is left out.
 
     Attributes:
-        effects: one picture per named effect.
         stages: the gap of each stage, held against the first.
         heat_map: where the residual lived before, and lives after.
         clouds: residuals against regressors, most telling first.

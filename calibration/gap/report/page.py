@@ -5,21 +5,21 @@ from html import escape
 from operator import attrgetter
 from typing import Any
 
-from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.found import FoundEffect, Verdict
 from calibration.gap.landings import LandingFindings
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report import drawings, words
-from calibration.gap.report.document import Gap, GapReport, GapVerdict, Levels, leaves
+from calibration.gap.report.document import Gap, GapReport, Levels, leaves
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.words import interval, number, plain, unit
 from calibration.report_style import by_width, grid, page, report_style, section, svg, table, text_table
 from onboard.vehicle import EFFECTS
 
 _COLOURS = {
-    GapVerdict.EFFECTS_FOUND: "#2067b0",
-    GapVerdict.NO_GAP: "#1a7f4b",
-    GapVerdict.UNEXPLAINED_GAP: "#b5531c",
+    Verdict.EFFECTS_FOUND: "#2067b0",
+    Verdict.NO_GAP: "#1a7f4b",
+    Verdict.UNEXPLAINED_GAP: "#b5531c",
 }
 _NAMELESS = (
     "What is a function of place, speed or turn, and holds on flights that no fit saw, is in the vehicle "
@@ -65,7 +65,7 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     yield from _where(report, figures)
     if figures.closed_loop:
         yield _closed_loop(figures.closed_loop)
-    if report.unexplained.share > 0.0 or report.verdict is GapVerdict.UNEXPLAINED_GAP:
+    if report.unexplained.share > 0.0 or report.verdict is Verdict.UNEXPLAINED_GAP:
         yield section("What is left", _rest(report))
     if report.nameless.written or report.nameless.refused:
         yield section("What was found without a name", _nameless(report), _NAMELESS)
@@ -84,7 +84,7 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
 def _verdict(report: GapReport) -> str:
     unseen = bool(report.held_out)
     sentences = [words.gap_in_words(report.gap.metric, report.gap.overall, unseen)]
-    if report.verdict is GapVerdict.UNEXPLAINED_GAP:
+    if report.verdict is Verdict.UNEXPLAINED_GAP:
         sentences.append(words.unexplained_in_words(report))
     if report.nameless.closes is not None:
         sentences.append(words.nameless_in_words(report.nameless.closes))

@@ -24,7 +24,6 @@ class Proof:
     Attributes:
         held_out: these flights; where none was kept back, those that were fitted.
         names: what is believed, with the curves of what has no name.
-        nameless: the terms without a name.
         believed: the fit with these names and all terms without one.
         stages: predictions of these flights before, after each effect, and with all.
         by_names: the gap that names alone close.

@@ -1,7 +1,7 @@
 """The verdict in words, and numbers as the page shows them."""
 
-from calibration.gap.data.found import FoundEffect, FoundParameter
-from calibration.gap.report.document import GapReport, GapVerdict, Levels
+from calibration.gap.data.found import FoundEffect, FoundParameter, Verdict
+from calibration.gap.report.document import GapReport, Levels
 from calibration.gap.search.naming import FEWEST, REAL
 from calibration.measurement import Interval
 
@@ -52,16 +52,16 @@ def headline(report: GapReport) -> str:
     """The verdict in one sentence."""
     names = [plain(effect.name) for effect in report.effects]
     missing = f"{listed(names)} {'was' if len(names) == 1 else 'were'} missing" if names else ""
-    if report.verdict is GapVerdict.NO_GAP and any(one.reason.startswith(REAL) for one in report.rejected):
+    if report.verdict is Verdict.NO_GAP and any(one.reason.startswith(REAL) for one in report.rejected):
         return (
             "Nothing is missing that matters; what is real and too small for a name is in the vehicle file."
         )
-    if report.verdict is GapVerdict.NO_GAP:
+    if report.verdict is Verdict.NO_GAP:
         return (
             "Nothing is missing that these flights show: what is left of the error is what sensors, gusts "
             "and each flight's own thrust leave."
         )
-    if report.verdict is GapVerdict.EFFECTS_FOUND:
+    if report.verdict is Verdict.EFFECTS_FOUND:
         return f"Found: {missing} in the model."
     if names:
         return f"{capital(missing)}, and something else that is not known is still missing."

@@ -23,7 +23,6 @@ class FlightSensing:
     """What motion capture and inertial sensors of one flight say of each other, without a vehicle model.
 
     Attributes:
-        name: of the flight.
         attitude: delay, rotation and gyro bias.
         acceleration: offset, accelerometer bias and better rotation; None without accelerometer.
     """

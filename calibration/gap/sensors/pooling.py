@@ -19,10 +19,8 @@ class Pooled:
     """Mean over flights.
 
     Attributes:
-        mean: the mean.
         error: its standard error, from the scatter between flights.
         spread: standard deviation of the true values between flights.
-        flights: how many.
     """
 
     mean: float

@@ -24,7 +24,6 @@ class OpenQuestions:
     """What a report leaves open.
 
     Attributes:
-        found: effects that were named, with their values.
         pairs: effects that the data could not tell apart; the one that was found, or the likelier, first.
     """
 

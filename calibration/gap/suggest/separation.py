@@ -37,7 +37,6 @@ class Separation:
 
     Attributes:
         log_likelihood_ratio: of the whole flight, for the true effect against the best of the other.
-        seconds: duration of the flight.
     """
 
     log_likelihood_ratio: float

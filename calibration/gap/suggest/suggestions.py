@@ -78,9 +78,7 @@ class Suggestion:
     """What to do about one pair of effects.
 
     Attributes:
-        pair: the effects.
         flight: kind of the flight that separates them best, or None where none does.
-        times: how often to fly it.
         ranking: every kind that fits the room, best first.
         advice: where no flight does: a measurement on the ground, or which effect to keep.
     """
@@ -115,10 +113,7 @@ class Suggester:
     """Where and with what to look.
 
     Attributes:
-        vehicle: base vehicle.
         room: that the flights must fit.
-        seed: of the disturbances.
-        kinds: of flights to choose from.
         on_pair: called with each pair before it is looked at, for a display.
     """
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from calibration.errors import CalibrationError
+from calibration.gap.data.found import Verdict
 from calibration.gap.data.record import NotUsed
-from calibration.gap.landings.findings import LandingVerdict
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
 from calibration.gap.landings.outcomes.launch import MeasuredLaunch, measured_launch
@@ -65,7 +65,7 @@ class LandingReport:
         return measured_launch(ready.starts, ready.ceilings, ready.dispersion.height)
 
     @property
-    def verdict(self) -> LandingVerdict:
+    def verdict(self) -> Verdict:
         """What the outcomes say of the vehicle."""
         rows, _ = classified(self.real)
         return judge_outcomes(self.score, self.forecast.probability[rows], self.search)

@@ -19,7 +19,6 @@ class MeasuredLaunch:
     """Of the flights with a trigger and a commanded approach.
 
     Attributes:
-        flights: how many.
         reached_x, reached_z: median share of the commanded velocity at the trigger.
         spread_x, spread_y, spread_z: m/s, standard deviations about that.
         ceiling: m, mean height of the ceiling above where the drone reckoned it.

@@ -25,7 +25,6 @@ class Forecast:
     """What the simulation expects of one flight.
 
     Attributes:
-        name: of the flight.
         probability: (3,), of four legs, two, none (:mod:`..labels`).
         body_contact: probability that hull or propellers touch the ceiling.
         contact: s after the trigger, median of the first contact; None: most never touch.

@@ -62,14 +62,12 @@ class TriggerStart:
     """A flight at its trigger.
 
     Attributes:
-        flight: where it is from.
         state: states (1,), time 0.
         flip: thrusts (N, (4,)) that the motors are told until the cut.
         reckoned_ceiling: m, where the drone believed the ceiling.
         contact: s after the trigger, middle of the gyro samples around the first contact; None: unseen.
         contact_error: s, half of what lies between them.
         gyro_t, gyro: s after the trigger and rad/s, (n,) and (n, 3).
-        redundant: two sources of the same numbers.
     """
 
     flight: Flight

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from calibration.gap.landings.findings import LandingVerdict
+from calibration.gap.data.found import Verdict
 from calibration.gap.landings.outcomes.scores import Score, count_interval
 from calibration.gap.landings.outcomes.search import GROUPS, LAWS, OutcomeSearch
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, stripped
@@ -15,32 +15,30 @@ LEVEL = 1.0 - 0.05 / 3.0
 """Of the intervals of three counts, one of which lies outside in at most 5 % where the model is right."""
 
 
-def judge_outcomes(
-    score: Score | None, probability: FloatArray, search: OutcomeSearch | None
-) -> LandingVerdict:
+def judge_outcomes(score: Score | None, probability: FloatArray, search: OutcomeSearch | None) -> Verdict:
     """The verdict.
 
     `score` and `probability` (of four, two, none, (n, 3)) are of the classified flights.
     """
     if score is None:
-        return LandingVerdict.CANNOT_TELL
+        return Verdict.CANNOT_TELL
     if search is not None and search.named:
-        return LandingVerdict.EFFECTS_FOUND
+        return Verdict.EFFECTS_FOUND
     intervals = [count_interval(shares, LEVEL) for shares in probability.T]
     expected = all(
         low <= count.real <= high for count, (low, high) in zip(score.counts.values(), intervals, strict=True)
     )
-    return LandingVerdict.NO_GAP if expected else LandingVerdict.UNEXPLAINED_GAP
+    return Verdict.NO_GAP if expected else Verdict.UNEXPLAINED_GAP
 
 
-def in_words(verdict: LandingVerdict, score: Score, search: OutcomeSearch | None) -> tuple[str, ...]:
+def in_words(verdict: Verdict, score: Score, search: OutcomeSearch | None) -> tuple[str, ...]:
     """What a lab is told, a sentence a line."""
     flights = f"{score.flights} flights"
-    if verdict is LandingVerdict.EFFECTS_FOUND and search is not None:
+    if verdict is Verdict.EFFECTS_FOUND and search is not None:
         left = ", ".join(search.left_open)
         open_ones = (f"what {flights} cannot tell: {left}",) if left else ()
         return (*(_lacks(search, group) for group in search.named), *open_ones)
-    if verdict is LandingVerdict.NO_GAP:
+    if verdict is Verdict.NO_GAP:
         beside = (
             ""
             if all(count.inside for count in score.counts.values())
