@@ -72,8 +72,6 @@ class FlightErrors:
     """Errors of one flight.
 
     Attributes:
-        record: the flight.
-        model: of the model.
         floor: of gyro and accelerometer in its place; None without an accelerometer.
         torque_estimate: at 0.1 s with the disturbance torque of the last 0.2 s.
         phases: index in :data:`~calibration.gap.replay.windows.PHASES` of each start, shape (m,).
@@ -113,8 +111,6 @@ class PredictionErrors:
 
     Attributes:
         horizons: s.
-        flights: those that were scored.
-        unpredicted: those that could not be.
         calibrated_s: s at the beginning of each flight that its nuisances were fitted to; 0: none were.
     """
 
@@ -142,9 +138,7 @@ class PredictionErrors:
     @property
     def with_torque_estimate(self) -> ByHorizon:
         """At 0.1 s with a causal estimate of the disturbance torque."""
-        norms = np.concatenate([f.torque_estimate.norms() for f in self.flights])
-        reached = np.concatenate([f.torque_estimate.reached for f in self.flights])
-        return mean_by_horizon(norms, reached, (TORQUE_HORIZON,))
+        return _means([flight.torque_estimate for flight in self.flights], (TORQUE_HORIZON,))
 
     def by_flight(self) -> list[ErrorPair]:
         """Errors of each flight."""
@@ -154,9 +148,7 @@ class PredictionErrors:
         """Errors over the starts of each phase that occurs."""
         occurring = {index for flight in self.flights for index in flight.phases.tolist()}
         return {
-            str(phase): self._pair(self.flights, index)
-            for index, phase in enumerate(PHASES)
-            if index in occurring
+            phase: self._pair(self.flights, index) for index, phase in enumerate(PHASES) if index in occurring
         }
 
     def by_channel(self) -> dict[float, dict[str, float]]:
@@ -230,18 +222,21 @@ class PredictionErrors:
 
     def _pair(self, flights: Sequence[FlightErrors], phase: int | None = None) -> ErrorPair:
         """Errors over the starts of flights: all, or those of the phase with that index."""
-        chosen = [
-            (f.model, np.full(f.phases.size, True) if phase is None else f.phases == phase) for f in flights
-        ]
+        masks = [f.phases == phase for f in flights] if phase is not None else None
         return ErrorPair(
-            self._means([(model.open_loop, these) for model, these in chosen]),
-            self._means([(model.given_attitude, these) for model, these in chosen]),
+            _means([f.model.open_loop for f in flights], self.horizons, masks),
+            _means([f.model.given_attitude for f in flights], self.horizons, masks),
         )
 
-    def _means(self, chosen: Sequence[tuple[WindowErrors, BoolArray]]) -> ByHorizon:
-        norms = np.concatenate([errors.norms()[these] for errors, these in chosen])
-        reached = np.concatenate([errors.reached[these] for errors, these in chosen])
-        return mean_by_horizon(norms, reached, self.horizons)
+
+def _means(
+    errors: Sequence[WindowErrors], horizons: tuple[float, ...], masks: Sequence[BoolArray] | None = None
+) -> ByHorizon:
+    """Means over the starts of several flights: over all, or those that the masks choose."""
+    chosen: Sequence[Any] = [slice(None)] * len(errors) if masks is None else masks
+    norms = np.concatenate([one.norms()[rows] for one, rows in zip(errors, chosen, strict=True)])
+    reached = np.concatenate([one.reached[rows] for one, rows in zip(errors, chosen, strict=True)])
+    return mean_by_horizon(norms, reached, horizons)
 
 
 def evaluate(

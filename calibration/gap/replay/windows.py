@@ -1,7 +1,5 @@
 """From where a flight can be predicted, and what kind of flying it was there."""
 
-from enum import StrEnum
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,37 +24,25 @@ SLOW = 0.25
 """m/s."""
 
 
-class FlightPhase(StrEnum):
-    """What kind of flying; the first that holds, in this order."""
-
-    FLIP = "flip"
-    NEAR_CEILING = "near_ceiling"
-    NEAR_GROUND = "near_ground"
-    VERTICAL = "vertical"
-    FAST = "fast"
-    HOVER = "hover"
-    CRUISE = "cruise"
-
-
-PHASES = tuple(FlightPhase)
+PHASES = ("flip", "near_ceiling", "near_ground", "vertical", "fast", "hover", "cruise")
+"""Kinds of flying; the first that holds, in this order."""
 
 
 def phase_indices(inputs: PredictionInputs, rows: Rows) -> Rows:
     """Index in :data:`PHASES` at the samples `rows`."""
     z = inputs.position[rows, 2]
-    up = inputs.rotation[rows, 2, 2]
     velocity = inputs.velocity[rows]
     level = np.hypot(velocity[:, 0], velocity[:, 1])
     speed = np.linalg.norm(velocity, axis=1)
     ceiling = inputs.record.ceiling_z
     tests = {
-        FlightPhase.FLIP: up < FLIPPING,
-        FlightPhase.NEAR_CEILING: z > (np.inf if ceiling is None else ceiling - NEAR_CEILING),
-        FlightPhase.NEAR_GROUND: z < NEAR_GROUND,
-        FlightPhase.VERTICAL: (np.abs(velocity[:, 2]) > VERTICAL) & (np.abs(velocity[:, 2]) > level),
-        FlightPhase.FAST: speed > FAST,
-        FlightPhase.HOVER: speed < SLOW,
-        FlightPhase.CRUISE: np.ones(rows.size, dtype=bool),
+        "flip": inputs.rotation[rows, 2, 2] < FLIPPING,
+        "near_ceiling": z > (np.inf if ceiling is None else ceiling - NEAR_CEILING),
+        "near_ground": z < NEAR_GROUND,
+        "vertical": (np.abs(velocity[:, 2]) > VERTICAL) & (np.abs(velocity[:, 2]) > level),
+        "fast": speed > FAST,
+        "hover": speed < SLOW,
+        "cruise": np.ones(rows.size, dtype=bool),
     }
     return np.select([tests[phase] for phase in PHASES], range(len(PHASES))).astype(np.int64)
 
