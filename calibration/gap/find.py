@@ -132,8 +132,8 @@ class _Examined:
 
     Attributes:
         proved: what flights that no fit saw leave of it.
-        sensed: effects of the sensors.
         in_the_air: effects of body, motors and air.
+        of_flights: these, after those of the sensors.
         maps: where the gap lived before anything was added, and where the rest lives.
     """
 
@@ -141,25 +141,15 @@ class _Examined:
     training: Training
     found: Search
     proved: Proof
-    sensed: Sequence[FoundEffect]
     in_the_air: Sequence[FoundEffect]
+    of_flights: Sequence[FoundEffect]
     landings: LandingFindings | None
     maps: tuple[GapMap, GapMap]
 
     @property
-    def of_flights(self) -> tuple[FoundEffect, ...]:
-        """What flights show, the sensors' effects first."""
-        return (*self.sensed, *self.in_the_air)
-
-    @property
     def of_landings(self) -> tuple[FoundEffect, ...]:
         """What landings show."""
-        return tuple(self.landings.findings) if self.landings else ()
-
-    @property
-    def anything(self) -> bool:
-        """Whether anything has a name."""
-        return bool(self.of_flights or self.of_landings)
+        return self.landings.findings if self.landings else ()
 
 
 def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) -> GapResult:
@@ -222,8 +212,8 @@ def _examined(
         training=training,
         found=found,
         proved=proved,
-        sensed=unsaid(flown.sensing.effects, question.vehicle),
         in_the_air=in_the_air,
+        of_flights=(*unsaid(flown.sensing.effects, question.vehicle), *in_the_air),
         landings=landings,
         maps=(residual_map(found.first, training, rng), residual_map(proved.believed, training, rng)),
     )
@@ -234,9 +224,10 @@ def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> Ga
     found, proved, (first_map, last_map) = examined.found, examined.proved, examined.maps
     believed, names = proved.believed, proved.names
     chance = math.hypot(chance_floor(believed, training), own_floor(believed, len(proved.held_out)))
+    named = bool(examined.of_flights or examined.of_landings)
     left = (
         *flown.sensing.unexplained,
-        *remaining(proved.by_names, chance, believed, last_map, question.vehicle, examined.anything),
+        *remaining(proved.by_names, chance, believed, last_map, question.vehicle, named),
     )
     sizeable = with_consequence(found.unnamed, found.final, training)
     explained = not (sizeable or names.unconfirmed or left)

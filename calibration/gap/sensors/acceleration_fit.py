@@ -35,14 +35,13 @@ class AccelerationFit:
 
     Attributes:
         offset, offset_covariance: m, body, of the tracked origin from the accelerometer; (3,) and (3, 3).
-        bias, bias_covariance: m/s2, of the accelerometer.
+        bias: m/s2, of the accelerometer.
         rotation, rotation_covariance: rad, of the tracked frame, from attitude and acceleration together.
     """
 
     offset: FloatArray
     offset_covariance: FloatArray
     bias: FloatArray
-    bias_covariance: FloatArray
     rotation: FloatArray
     rotation_covariance: FloatArray
 
@@ -90,7 +89,6 @@ def fit_acceleration(
         offset=value[:3],
         offset_covariance=covariance[:3, :3],
         bias=value[3:6],
-        bias_covariance=covariance[3:6, 3:6],
         rotation=attitude.rotation + value[6:],
         rotation_covariance=covariance[6:, 6:],
     )

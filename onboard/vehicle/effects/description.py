@@ -93,6 +93,7 @@ class EffectDescription:
         equation: one line.
         parameters: by name.
         revealed_by: what a flight must do for the effect to show.
+        measured_by: what measures it on the ground; empty: nothing does, as with most effects of the air.
         confused_with: effects that an ordinary flight can take for this one; the relation is symmetric.
         reference: paper or record that the equation is from.
         needs: what else the vehicle file must hold.
@@ -113,6 +114,7 @@ class EffectDescription:
     parameters: Mapping[str, EffectParameter]
     revealed_by: str
     reference: str
+    measured_by: str = ""
     confused_with: tuple[str, ...] = ()
     needs: tuple[Needs, ...] = ()
     excludes: tuple[str, ...] = ()
