@@ -18,7 +18,6 @@ from calibration.gap.data.names import distinctly_named
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
-from calibration.gap.estimate.held_out import HeldOutFlights
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Training, training_set
@@ -32,7 +31,6 @@ from calibration.gap.report.document import (
     GapReport,
     Rejected,
 )
-from calibration.gap.report.effects import found_effects
 from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
@@ -132,8 +130,7 @@ class _Examined:
 
     Attributes:
         proved: what flights that no fit saw leave of it.
-        in_the_air: effects of body, motors and air.
-        of_flights: these, after those of the sensors.
+        of_flights: effects of the sensors, then of body, motors and air.
         maps: where the gap lived before anything was added, and where the rest lives.
     """
 
@@ -141,7 +138,6 @@ class _Examined:
     training: Training
     found: Search
     proved: Proof
-    in_the_air: Sequence[FoundEffect]
     of_flights: Sequence[FoundEffect]
     landings: LandingFindings | None
     maps: tuple[GapMap, GapMap]
@@ -202,8 +198,7 @@ def _examined(
     training = training_set(flown.to_fit, model)
     found, names = concluded(model, training, flown.kept_back, rng, progress)
     progress("flights that no fit saw")
-    proved = proof(found, names, training, flown.kept_back, source)
-    in_the_air = found_effects(proved.names, HeldOutFlights(proved.held_out), rng)
+    proved = proof(found, names, training, flown.kept_back, source, rng)
     progress("landings")
     landings = _landings(flights, proved.names, rng)
     progress("where it lives")
@@ -212,8 +207,7 @@ def _examined(
         training=training,
         found=found,
         proved=proved,
-        in_the_air=in_the_air,
-        of_flights=(*unsaid(flown.sensing.effects, question.vehicle), *in_the_air),
+        of_flights=(*unsaid(flown.sensing.effects, question.vehicle), *proved.effects),
         landings=landings,
         maps=(residual_map(found.first, training, rng), residual_map(proved.believed, training, rng)),
     )
@@ -316,7 +310,7 @@ def _limitations(examined: _Examined, sizeable: Sequence[FittedTerm]) -> Iterato
         yield from examined.landings.limitations
     yield from of_the_fit(found, flown.kept_back)
     if flown.kept_back:
-        yield from no_better(proved.stages, proved.own, examined.in_the_air)
+        yield from no_better(proved.stages, proved.own, proved.effects)
     yield from of_small_terms(found, sizeable)
     yield from of_one_number_for_all(found, proved.names, examined.training)
 

@@ -39,7 +39,8 @@ def test_a_name_is_proved_below_the_ceiling_that_it_is_of() -> None:
     step = SelectionStep("ceiling_effect", Judgement(100.0, True, True, (), {}), final)
     found = Search(final, (step,), final, {}, {}, (), ())
     names = Named(("ceiling_effect",), (), UNDER_IT, UNDER_IT, {}, {}, (), {})
-    levels = proof(found, names, training, [climb()], "a test").by_names.overall
+    proved = proof(found, names, training, [climb()], "a test", np.random.default_rng(1))
+    levels = proved.by_names.overall
     assert levels.before > 0.02
     assert levels.after < 0.1 * levels.before
 

@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.gap.estimate.model import Model, Variable
-from calibration.gap.report.effects import found_parameters
+from calibration.gap.report.proof import found_parameters
 from calibration.gap.report.words import parameter
 from calibration.gap.search.naming import Named
 from onboard.json_file import as_json

@@ -37,8 +37,8 @@ def flights(count: int) -> HeldOutFlights:
 def test_a_single_flight_gives_an_interval() -> None:
     one = flights(1)
     gain = improvement(one.errors(Model(STOCK)), one.errors(TRUE), np.random.default_rng(1))
-    low, high = gain.interval
-    assert 0.0 < low < gain.before - gain.after < high
+    low, high = gain.improvement_ci95
+    assert 0.0 < low < gain.error_before - gain.error_after < high
 
 
 def test_flights_are_drawn_whole_where_there_are_several() -> None:

@@ -181,7 +181,7 @@ def test_soft_hinge_is_named_and_measured(soft_findings: LandingFindings) -> Non
 
 def test_an_improvement_is_a_difference_in_the_unit_of_the_errors() -> None:
     before, after = np.array([4.0, 5.0, 6.0, 4.5, 5.5, 5.2]), np.array([1.0, 1.2, 0.9, 1.1, 1.3, 1.0])
-    low, high = improvement(before, after, np.random.default_rng(0))
+    low, high = improvement(before, after, np.random.default_rng(0)).improvement_ci95
     assert 2.5 < low < np.median(before) - np.median(after) < high < 5.5
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from calibration.flights import flight_files, open_flights
 from calibration.gap.landings.outcomes import prepare
+from calibration.gap.landings.outcomes.dispersion import measured_launch
 from calibration.gap.landings.outcomes.document import SCHEMA
 from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
-from calibration.gap.landings.outcomes.launch import measured_launch
 from onboard.json_file import as_json
 from onboard.vehicle import load_vehicle
 from perchhw.learning.errors import LearningInputError

@@ -44,17 +44,11 @@ class FoundParameter:
 
 @dataclass(frozen=True)
 class Improvement:
-    """What an effect does for flights that no fit saw.
+    """What an effect does for flights that no fit saw: attributes as of :class:`FoundEffect`."""
 
-    Attributes:
-        before, after: error without and with it.
-        interval: 95 %, of `before` minus `after`, over flights.
-        metric: what the errors are, with the unit.
-    """
-
-    before: float
-    after: float
-    interval: Interval
+    error_before: float
+    error_after: float
+    improvement_ci95: Interval
     metric: str
 
 

@@ -70,8 +70,8 @@ def improvement(before: ChannelErrors, after: ChannelErrors, rng: np.random.Gene
     drawn = rng.integers(flights, size=(_DRAWS, flights))
     gains = [before.rms(draw)[channel] - after.rms(draw)[channel] for draw in drawn]
     return Improvement(
-        before=float(one[channel]),
-        after=float(other[channel]),
-        interval=interval_of(np.array(gains)),
+        error_before=float(one[channel]),
+        error_after=float(other[channel]),
+        improvement_ci95=interval_of(np.array(gains)),
         metric=f"{CHANNELS[channel]} residual, means of {WINDOW:g} s, {UNITS[channel]}",
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.flights import Flight
-from calibration.gap.data.found import FoundEffect, FoundParameter, Verdict, separations
+from calibration.gap.data.found import FoundEffect, FoundParameter, Improvement, Verdict, separations
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.choose import REPLICATES, Choice, at_bound, choose, intervals
 from calibration.gap.landings.findings import LandingFindings
@@ -177,12 +177,9 @@ def _findings(evidence: _Evidence, vehicle: Vehicle, rng: np.random.Generator) -
         FoundEffect(
             name=effect,
             parameters=_parameters(effect, values[effect], at_bound(held_out.theta, effect), vehicle),
-            error_before=float(np.median(before)),
-            error_after=float(np.median(after)),
-            improvement_ci95=improvement(before, after, rng),
+            **vars(improvement(before, after, rng)),
             ambiguous_with=choice.rivals,
             separated_by=separations([effect, *choice.rivals]),
-            metric="pitch and roll rate in the 0.3 s after contact, median over landings, rad/s",
         )
         for effect, before, after in zip(choice.effects, errors[:-1], errors[1:], strict=True)
     )
@@ -249,10 +246,15 @@ def _up_to(finding: FoundEffect, strength: float) -> FoundEffect:
     return replace(finding, parameters={**finding.parameters, "adhesion_strength": reached})
 
 
-def improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> Interval:
-    """95 % interval (rad/s) of the median of errors before less that after, (n,), landings drawn again."""
+def improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> Improvement:
+    """From errors (rad/s, (n,)) to that of their medians; for the interval landings are drawn again."""
     drawn = rng.integers(0, before.size, (REPLICATES, before.size))
-    return interval_of(np.median(before[drawn], axis=1) - np.median(after[drawn], axis=1))
+    return Improvement(
+        error_before=float(np.median(before)),
+        error_after=float(np.median(after)),
+        improvement_ci95=interval_of(np.median(before[drawn], axis=1) - np.median(after[drawn], axis=1)),
+        metric="pitch and roll rate in the 0.3 s after contact, median over landings, rad/s",
+    )
 
 
 def _verdict(

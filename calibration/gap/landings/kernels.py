@@ -147,6 +147,21 @@ def pose_residuals(trace: Any, pose: Any, weight: Any, out: Any) -> None:
             out[k, 3 + i] = weight[k, 1] * (pose[k, 5 + i] - place)
 
 
+class Seen(NamedTuple):
+    """What was seen of a landing.
+
+    Attributes:
+        gyro, gyro_weight: of :func:`gyro_residuals`. limit: rad/s, range of the gyro.
+        pose, pose_weight: of :func:`pose_residuals`.
+    """
+
+    gyro: Any
+    gyro_weight: Any
+    limit: float
+    pose: Any
+    pose_weight: Any
+
+
 class Case(NamedTuple):
     """A landing and a vehicle, as the kernels take them.
 
@@ -155,8 +170,6 @@ class Case(NamedTuple):
         states, changed: (1,) each, scratch.
         targets: (steps, 4), N. parts: steps of the physics in 1 ms.
         sigma: (NUISANCES,), standard deviations of the prior.
-        gyro, gyro_weight: of :func:`gyro_residuals`. limit: rad/s, range of the gyro.
-        pose, pose_weight: of :func:`pose_residuals`.
         trace: (steps + 1, COLUMNS), scratch.
     """
 
@@ -167,11 +180,7 @@ class Case(NamedTuple):
     targets: Any
     parts: int
     sigma: Any
-    gyro: Any
-    gyro_weight: Any
-    limit: float
-    pose: Any
-    pose_weight: Any
+    seen: Seen
     trace: Any
 
 
@@ -182,10 +191,11 @@ def residuals(x: Any, case: Any, out: Any) -> None:
     case.changed[0] = case.parameters[0]
     displace(case.states[0], case.changed[0], x, case.sigma)
     fly(case.states[0], case.changed[0], case.targets, case.parts, case.trace)
-    split = 3 * case.gyro.shape[0]
+    seen = case.seen
+    split = 3 * seen.gyro.shape[0]
     delay = x[10] * case.sigma[10]
-    gyro_residuals(case.trace, case.gyro, case.gyro_weight, delay, case.limit, out[:split].reshape(-1, 3))
-    pose_residuals(case.trace, case.pose, case.pose_weight, out[split:].reshape(-1, 6))
+    gyro_residuals(case.trace, seen.gyro, seen.gyro_weight, delay, seen.limit, out[:split].reshape(-1, 3))
+    pose_residuals(case.trace, seen.pose, seen.pose_weight, out[split:].reshape(-1, 6))
 
 
 @inner
@@ -202,7 +212,7 @@ def cost_of(x: Any, r: Any) -> float:
 @inner
 def count_of(case: Any) -> int:
     """Number of residuals."""
-    return 3 * int(case.gyro.shape[0]) + 6 * int(case.pose.shape[0])
+    return 3 * int(case.seen.gyro.shape[0]) + 6 * int(case.seen.pose.shape[0])
 
 
 @inner

@@ -31,11 +31,11 @@ def limitations(problems: Sequence[Problem], vehicle: Vehicle, left: float) -> t
     unknown = sum(not problem.motors_known for problem in problems)
     if unknown:
         words.append(f"{unknown} landings lack motor commands; their rotors were taken as still")
-    rates = np.concatenate([np.abs(p.gyro[:, 1:]).ravel() for p in problems])
-    saturated = float(np.mean(rates > 0.995 * problems[0].limit))
+    rates = np.concatenate([np.abs(p.seen.gyro[:, 1:]).ravel() for p in problems])
+    saturated = float(np.mean(rates > 0.995 * problems[0].seen.limit))
     if saturated > 0.0:
         words.append(f"{saturated:.1%} of the gyro samples are at its range and count only as that")
-    interval = float(np.median([np.median(np.diff(p.gyro[:, 0])) for p in problems]))
+    interval = float(np.median([np.median(np.diff(p.seen.gyro[:, 0])) for p in problems]))
     if interval > 0.012:
         words.append(
             f"the gyro was logged every {interval * 1e3:.0f} ms: shocks of a few milliseconds fall between, "

@@ -14,6 +14,7 @@ from calibration.gap.landings.kernels import (
     POSITION,
     QUATERNION,
     Case,
+    Seen,
     best_start,
     displace,
     fly,
@@ -54,8 +55,6 @@ class Problem:
         start: its start; sigma complete.
         ceiling: m, prior mean of the ceiling's height.
         targets: (steps, 4), N.
-        gyro, gyro_weight, pose, pose_weight: as in the kernels.
-        limit: rad/s, range of the gyro.
         motors_known: whether the commands were logged.
     """
 
@@ -63,17 +62,13 @@ class Problem:
     start: StartState
     ceiling: float
     targets: FloatArray
-    gyro: FloatArray
-    gyro_weight: FloatArray
-    pose: FloatArray
-    pose_weight: FloatArray
-    limit: float
+    seen: Seen
     motors_known: bool
 
     @property
     def residuals(self) -> int:
         """Number of residuals."""
-        return int(3 * len(self.gyro) + 6 * len(self.pose))
+        return int(3 * len(self.seen.gyro) + 6 * len(self.seen.pose))
 
 
 def pose_problems(
@@ -128,9 +123,8 @@ def _problem(landing: LandingSegment, vehicle: Vehicle) -> Problem:
     pose = _poses(landing, start.t, end)
     weight = np.tile([1.0 / ATTITUDE_FLOOR, 1.0 / POSITION_FLOOR], (len(pose), 1))
     limit = float(vehicle.sensing.gyro_range.value)
-    return Problem(
-        landing, start, ceiling, targets, gyro, gyro_weight, pose, weight, limit, commands is not None
-    )
+    seen = Seen(gyro, gyro_weight, limit, pose, weight)
+    return Problem(landing, start, ceiling, targets, seen, commands is not None)
 
 
 def _ceiling(
@@ -201,11 +195,11 @@ def rate_error(problem: Problem, parameters: Any, x: FloatArray, horizon: float)
     """RMS (rad/s) of gyro minus prediction, all axes, within `horizon` (s) after the contact."""
     trace = landing_trace(problem, parameters, x, horizon + 0.02)
     contact = problem.segment.after - problem.start.t
-    rows = (problem.gyro[:, 0] >= contact) & (problem.gyro[:, 0] <= contact + horizon)
-    gyro = np.ascontiguousarray(problem.gyro[rows])
+    seen, t = problem.seen, problem.seen.gyro[:, 0]
+    gyro = np.ascontiguousarray(seen.gyro[(t >= contact) & (t <= contact + horizon)])
     out = np.empty((len(gyro), 3))
     weight = np.ones((len(gyro), 3))
-    gyro_residuals(trace, gyro, weight, float(x[10] * problem.start.sigma[10]), problem.limit, out)
+    gyro_residuals(trace, gyro, weight, float(x[10] * problem.start.sigma[10]), seen.limit, out)
     return float(np.sqrt(np.mean(out**2)))
 
 
@@ -213,15 +207,10 @@ def shortened(problem: Problem, horizon: float) -> Problem:
     """The problem with samples only until `horizon` (s) after the contact."""
     last = problem.segment.after + horizon - problem.start.t
     steps = min(len(problem.targets), int(np.ceil(last / DT)) + 8)
-    gyro, pose = problem.gyro[:, 0] <= last, problem.pose[:, 0] <= last
-    return replace(
-        problem,
-        targets=problem.targets[:steps],
-        gyro=problem.gyro[gyro],
-        gyro_weight=problem.gyro_weight[gyro],
-        pose=problem.pose[pose],
-        pose_weight=problem.pose_weight[pose],
-    )
+    seen = problem.seen
+    gyro, pose = seen.gyro[:, 0] <= last, seen.pose[:, 0] <= last
+    early = Seen(seen.gyro[gyro], seen.gyro_weight[gyro], seen.limit, seen.pose[pose], seen.pose_weight[pose])
+    return replace(problem, targets=problem.targets[:steps], seen=early)
 
 
 class Solver:
@@ -287,10 +276,6 @@ class Solver:
             targets=problem.targets,
             parts=self._parts,
             sigma=problem.start.sigma,
-            gyro=problem.gyro,
-            gyro_weight=problem.gyro_weight,
-            limit=problem.limit,
-            pose=problem.pose,
-            pose_weight=problem.pose_weight,
+            seen=problem.seen,
             trace=np.empty((len(problem.targets) + 1, COLUMNS)),
         )

@@ -4,7 +4,12 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from calibration.gap.data.found import FoundEffect, FoundParameter, separations
 from calibration.gap.data.record import FlightRecord
+from calibration.gap.estimate.acceptance import NINETY_FIVE
+from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, evaluate
 from calibration.gap.report.document import Gap
@@ -27,6 +32,7 @@ class Proof:
         believed: the fit with these names and all terms without one.
         stages: predictions of these flights before, after each effect, and with all.
         by_names: the gap that names alone close.
+        effects: those that were named, with what each does for these flights.
         own: m, position error by what each of these flights has of its own.
     """
 
@@ -37,10 +43,16 @@ class Proof:
     stages: dict[str, PredictionErrors]
     by_names: Gap
     own: float
+    effects: Sequence[FoundEffect]
 
 
 def proof(
-    found: Search, names: Named, training: Training, kept_back: Sequence[FlightRecord], source: str
+    found: Search,
+    names: Named,
+    training: Training,
+    kept_back: Sequence[FlightRecord],
+    source: str,
+    rng: np.random.Generator,
 ) -> Proof:
     """Hold what a search found against `kept_back`, the flights that no fit saw.
 
@@ -67,6 +79,7 @@ def proof(
         stages=stages,
         by_names=by_names,
         own=own,
+        effects=found_effects(names, HeldOutFlights(held_out), rng),
     )
 
 
@@ -92,3 +105,38 @@ def _with_curves(
     stages.pop("after", None)  # where there are no names
     stages[NAMELESS] = errors
     return added, nameless
+
+
+def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:
+    """Effects as the report has them, with what each does for flights that no fit saw."""
+    stages = list(names.models().values())
+    errors = [flights.errors(model) for model in stages]
+    effects = []
+    for index, name in enumerate(names.effects):
+        gain = improvement(errors[index], errors[index + 1], rng)
+        rivals = names.ambiguous.get(name, ())
+        effects.append(
+            FoundEffect(
+                name=name,
+                parameters=found_parameters(name, names),
+                **vars(gain),
+                ambiguous_with=rivals,
+                separated_by=separations([name, *rivals]) if rivals else "",
+            )
+        )
+    return effects
+
+
+def found_parameters(name: str, names: Named) -> dict[str, FoundParameter]:
+    """The parameters of a named effect, each with its interval of 95 %."""
+    parameters = {}
+    for v, value in names.model.values.items():
+        if v.effect == name:
+            half, rule = NINETY_FIVE * names.errors.get(v, 0.0), names.model.rule(v)
+            parameters[v.parameter] = FoundParameter(
+                value=value,
+                unit=rule.unit,
+                ci95=(value - half, value + half),
+                unseen=value - half <= rule.low and value + half >= rule.high,
+            )
+    return parameters

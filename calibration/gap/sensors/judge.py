@@ -116,10 +116,7 @@ def _effect(name: str, pooled: Sequence[Pooled], gain: Improvement) -> FoundEffe
             key: FoundParameter(value=p.mean, unit=rule.unit, ci95=_with_doubt(p, name, pooled))
             for (key, rule), p in parameters
         },
-        error_before=gain.before,
-        error_after=gain.after,
-        improvement_ci95=gain.interval,
-        metric=gain.metric,
+        **vars(gain),
     )
 
 
@@ -149,7 +146,9 @@ def _within_bounds(name: str, pooled: Sequence[Pooled]) -> bool:
 
 
 def _helps(gain: Improvement) -> bool:
-    return gain.interval[0] > 0.0 and gain.after < (1.0 - _LEAST_IMPROVEMENT) * gain.before
+    return (
+        gain.improvement_ci95[0] > 0.0 and gain.error_after < (1.0 - _LEAST_IMPROVEMENT) * gain.error_before
+    )
 
 
 def _remarks(pooled: Mapping[str, Sequence[Pooled]]) -> list[str]:

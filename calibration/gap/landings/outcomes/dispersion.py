@@ -1,4 +1,6 @@
-"""How far starts and flips scatter about what was recorded, estimated from the flights themselves.
+"""How far starts and flips scatter about what was recorded, and approaches about what they were told.
+
+All of it is estimated from the flights themselves; those far outside the others do not widen the rest.
 
 Two sources of one number differ by the errors of both; taken as alike, each has 1/sqrt(2) of the difference.
 The distance to the ceiling scatters as the ceilings do that the contacts imply, less what the time between
@@ -96,3 +98,56 @@ def standard_deviation(values: FloatArray) -> float:
     known = values[np.isfinite(values)]
     off = np.abs(known - np.median(known))
     return float(np.std(known[off <= _SANE * _NORMAL * np.median(off)]))
+
+
+@dataclass(frozen=True)
+class MeasuredLaunch:
+    """Of the flights with a trigger and a commanded approach.
+
+    Attributes:
+        reached_x, reached_z: median share of the commanded velocity at the trigger.
+        spread_x, spread_y, spread_z: m/s, standard deviations about that.
+        ceiling: m, mean height of the ceiling above where the drone reckoned it.
+        ceiling_spread: m, standard deviation of it, between sessions and within.
+    """
+
+    flights: int
+    reached_x: float
+    reached_z: float
+    spread_x: float
+    spread_y: float
+    spread_z: float
+    ceiling: float
+    ceiling_spread: float
+
+
+def measured_launch(
+    starts: Sequence[TriggerStart], ceilings: FloatArray, height: float
+) -> MeasuredLaunch | None:
+    """From starts; None where fewer than five were told a speed and an angle.
+
+    Args:
+        ceilings: m (n,), of the sessions of the flights.
+        height: m, standard deviation of the distance to the ceiling within a session.
+    """
+    told, flown, above = [], [], []
+    for start, ceiling in zip(starts, ceilings, strict=True):
+        speed, angle = start.flight.commanded_speed, start.flight.commanded_angle_deg
+        if speed is not None and angle is not None:
+            told.append([speed * np.cos(np.radians(angle)), speed * np.sin(np.radians(angle))])
+            flown.append(start.state["velocity"][0])
+            above.append(ceiling - start.reckoned_ceiling)
+    if len(told) < LEAST:
+        return None
+    asked, reached = np.array(told), np.array(flown)
+    share_x, share_z = (float(np.median(reached[:, axis] / asked[:, k])) for k, axis in ((0, 0), (1, 2)))
+    return MeasuredLaunch(
+        flights=len(told),
+        reached_x=share_x,
+        reached_z=share_z,
+        spread_x=standard_deviation(reached[:, 0] - share_x * asked[:, 0]),
+        spread_y=standard_deviation(reached[:, 1]),
+        spread_z=standard_deviation(reached[:, 2] - share_z * asked[:, 1]),
+        ceiling=float(np.mean(above)),
+        ceiling_spread=float(np.hypot(np.std(above), height)),
+    )

@@ -9,9 +9,9 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.gap.data.found import Verdict
 from calibration.gap.data.record import NotUsed
+from calibration.gap.landings.outcomes.dispersion import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
-from calibration.gap.landings.outcomes.launch import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
 from calibration.gap.landings.outcomes.prepare import PreparedLandings, roll_errors
 from calibration.gap.landings.outcomes.scores import Score, score
