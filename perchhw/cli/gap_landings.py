@@ -61,7 +61,9 @@ def landings_command(
     )
     from onboard.errors import InputError
     from onboard.record.folder import require_writable
+    from onboard.room import RoomGeometry
     from onboard.vehicle import load_vehicle
+    from sim_backend.physics.parameters import physics_parameters
 
     model = load_vehicle(vehicle, legs=legs)
     if model.legs is None:
@@ -81,7 +83,8 @@ def landings_command(
     if search:
         require_searchable(real)  # before minutes of simulation
     with share_done("simulating") as simulated:
-        found = forecast(prepared, model, lambda share: simulated(share, 1.0))
+        parameters = physics_parameters(model, RoomGeometry())
+        found = forecast(prepared, parameters, lambda share: simulated(share, 1.0))
     report = landing_report(prepared, found, real, model.name, seed, refused)
     if search:
         try:

@@ -66,7 +66,7 @@ def test_the_filed_vehicle_scores_what_was_measured_outside(
     prepared: PreparedLandings, labels: dict[Path, Outcome]
 ) -> None:
     """Brier 1.08 on 28 flights where the base rate of all gives 0.55; two legs nearly never expected."""
-    found = forecast(prepared, load_vehicle(STORED))
+    found = forecast(prepared, physics_parameters(load_vehicle(STORED), RoomGeometry()))
     report = landing_report(prepared, found, real_of(prepared, labels), STORED, seed=0)
     assert report.score is not None
     assert report.score.flights == 28
@@ -101,8 +101,9 @@ def test_starts_are_where_the_flights_were(prepared: PreparedLandings) -> None:
 def test_the_seed_decides_and_flights_do_not_depend_on_each_other(labels: dict[Path, Outcome]) -> None:
     flights, _ = open_flights(sorted(labels)[:6])
     vehicle = load_vehicle(STORED)
-    first = forecast(prepare(flights, vehicle, np.random.default_rng(3), 20), vehicle)
-    again = forecast(prepare(flights, vehicle, np.random.default_rng(3), 20), vehicle)
+    p = physics_parameters(vehicle, RoomGeometry())
+    first = forecast(prepare(flights, vehicle, np.random.default_rng(3), 20), p)
+    again = forecast(prepare(flights, vehicle, np.random.default_rng(3), 20), p)
     np.testing.assert_array_equal(first.probability, again.probability)
     np.testing.assert_allclose(first.probability.sum(axis=1), 1.0)
 
@@ -112,9 +113,10 @@ def test_the_page_opens_with_the_picture(labels: dict[Path, Outcome]) -> None:
     vehicle = load_vehicle(STORED)
     flights, _ = open_flights(sorted(labels)[::4])
     few = prepare(flights, vehicle, np.random.default_rng(0), 20)
-    report = landing_report(few, forecast(few, vehicle), real_of(few, labels), STORED, seed=0)
+    p = physics_parameters(vehicle, RoomGeometry())
+    report = landing_report(few, forecast(few, p), real_of(few, labels), STORED, seed=0)
     assert report.prepared.roll is not None
-    text = landings_page(report, physics_parameters(vehicle, RoomGeometry()))
+    text = landings_page(report, p)
     assert text.index("<svg") < text.index("<table")
     assert "src=" not in text
     assert "outside" in text

@@ -10,7 +10,7 @@ import pytest
 from calibration.flights import flight_files, open_flights
 from calibration.gap.landings.outcomes import PreparedLandings, prepare, tables
 from calibration.gap.landings.outcomes.pad_laws import PadLaw, pad_laws
-from calibration.gap.landings.outcomes.predict import forecast_with
+from calibration.gap.landings.outcomes.predict import forecast
 from calibration.gap.landings.outcomes.tables import tabulate
 from calibration.gap.landings.outcomes.vehicles import WITHOUT, Point, bare_parameters, shapes, with_point
 from onboard.vehicle import load_vehicle
@@ -51,7 +51,7 @@ def test_vehicles_share_approaches_and_landings_without_any_coming_out_otherwise
     """Each vehicle by itself, from the trigger to rest, says the same: but for what a compiler may round."""
     points = rungs()
     table = tabulate(prepared, BARE, points)
-    alone = np.array([forecast_with(prepared, with_point(BARE, one)).probability for one in points])
+    alone = np.array([forecast(prepared, with_point(BARE, one)).probability for one in points])
     np.testing.assert_allclose(table, alone, atol=1.0 / 20 + 1e-9)  # one landing of 20 at most
     assert np.mean(table != alone) < 0.01
     assert np.ptp(table[:, :3, 0], axis=0).min() > 0.4  # and they do differ

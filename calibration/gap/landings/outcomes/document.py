@@ -172,7 +172,7 @@ def require_searchable(real: Sequence[Outcome | None]) -> None:
 
 
 def search_report(
-    report: LandingReport, vehicle: Vehicle, progress: Callable[[float], None] | None = None
+    report: LandingReport, vehicle: Vehicle, progress: Callable[[float], None] = lambda _: None
 ) -> LandingReport:
     """The report with a search for what the vehicle lacks.
 

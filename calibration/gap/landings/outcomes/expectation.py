@@ -108,40 +108,29 @@ class Expectation:
     four_leg_count80: tuple[int, int]
 
 
-@dataclass(frozen=True)
-class JudgedExpectation:
-    """An expectation with what it rests on, and how often intervals made like it held.
+@dataclass(frozen=True, kw_only=True)
+class JudgedExpectation(Expectation):
+    """An expectation of flights like those that were judged, what it rests on, and how often its like held.
 
     Attributes:
-        expected: of flights like those that were judged. error: of the model.
-        coverage: share of groups of left-out flights whose count lies in its interval of LEVEL.
-        uncorrected: likewise of the simulated rates alone, taken as they are.
+        coverage80: share of groups of left-out flights whose count lies in its interval of LEVEL.
+        coverage80_of_simulated_rates: likewise of the simulated rates alone, taken as they are.
     """
 
-    expected: Expectation
-    error: ModelError
-    coverage: float
-    uncorrected: float
+    model_error: ModelError
+    coverage80: float
+    coverage80_of_simulated_rates: float
 
     @property
     def words(self) -> str:
         """For people."""
-        (low, high), (least, most) = self.expected.ci95, self.expected.four_leg_count80
+        (low, high), (least, most) = self.ci95, self.four_leg_count80
         return (
             f"to be expected of {NEXT} more flights like these: {least} to {most} on four legs (80 %), a "
-            f"rate of {self.expected.four_leg_rate:.2f} ({low:.2f} to {high:.2f}); such intervals held the "
-            f"counts of left-out flights in {self.coverage:.0%}, those of the simulated rates alone in "
-            f"{self.uncorrected:.0%}"
+            f"rate of {self.four_leg_rate:.2f} ({low:.2f} to {high:.2f}); such intervals held the "
+            f"counts of left-out flights in {self.coverage80:.0%}, those of the simulated rates alone in "
+            f"{self.coverage80_of_simulated_rates:.0%}"
         )
-
-    def json_shape(self) -> dict[str, Any]:
-        """``expectation`` of the document ``perchhw.gap_landings/1``."""
-        return {
-            **vars(self.expected),
-            "model_error": self.error,
-            "coverage80": self.coverage,
-            "coverage80_of_simulated_rates": self.uncorrected,
-        }
 
 
 def judged_expectation(simulated: FloatArray, real: BoolArray, rng: np.random.Generator) -> JudgedExpectation:
@@ -153,7 +142,12 @@ def judged_expectation(simulated: FloatArray, real: BoolArray, rng: np.random.Ge
     """
     error = model_error(simulated, real)
     inside, alone = coverage(simulated, real, rng)
-    return JudgedExpectation(expect(error, simulated, rng), error, inside, alone)
+    return JudgedExpectation(
+        **vars(expect(error, simulated, rng)),
+        model_error=error,
+        coverage80=inside,
+        coverage80_of_simulated_rates=alone,
+    )
 
 
 def model_error(simulated: FloatArray, real: BoolArray) -> ModelError:

@@ -13,9 +13,6 @@ from calibration.gap.landings.outcomes.labels import shares_of
 from calibration.gap.landings.outcomes.prepare import SETTINGS, PreparedLandings
 from calibration.gap.landings.outcomes.starts import TriggerStart
 from onboard.arrays import FloatArray
-from onboard.room import RoomGeometry
-from onboard.vehicle import Vehicle
-from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.rollout import ROLLOUT
 from sim_backend.physics.state import new_states
 
@@ -52,26 +49,18 @@ class OutcomeForecast:
 
 
 def forecast(
-    prepared: PreparedLandings, vehicle: Vehicle, progress: Callable[[float], None] | None = None
+    prepared: PreparedLandings, parameters: Any, progress: Callable[[float], None] = lambda _: None
 ) -> OutcomeForecast:
-    """Simulate every flight with a vehicle.
+    """Simulate every flight with a record of physics parameters; the ceiling is that of each flight.
 
     `progress` is called with the share of the flights done, 0..1.
     """
-    return forecast_with(prepared, physics_parameters(vehicle, RoomGeometry()), progress)
-
-
-def forecast_with(
-    prepared: PreparedLandings, parameters: Any, progress: Callable[[float], None] | None = None
-) -> OutcomeForecast:
-    """As :func:`forecast`, with a record of physics parameters; the ceiling is that of each flight."""
     p = parameters.copy()
     found = []
     for index, start in enumerate(prepared.starts):
         p["ceiling_z"] = prepared.ceilings[index]
         found.append(_forecast_one(start, prepared, index, p))
-        if progress is not None:
-            progress((index + 1) / len(prepared.starts))
+        progress((index + 1) / len(prepared.starts))
     return OutcomeForecast(tuple(found), prepared.draws.shape[1])
 
 

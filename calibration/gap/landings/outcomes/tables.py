@@ -75,7 +75,7 @@ def tabulate(
     prepared: PreparedLandings,
     parameters: Any,
     points: Sequence[Point],
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> FloatArray:
     """Probabilities (points, flights, 3) of four legs, two, none.
 
@@ -102,8 +102,7 @@ def tabulate(
     with ThreadPoolExecutor(WORKERS) as pool:
         for index, shares in enumerate(pool.map(simulated, families)):
             found |= shares
-            if progress is not None:
-                progress((index + 1) / len(families))
+            progress((index + 1) / len(families))
     return np.array([np.sum([share * found[one] for one, share in parts.items()], axis=0) for parts in mixed])
 
 
