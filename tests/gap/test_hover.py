@@ -90,7 +90,7 @@ def test_a_strong_torque_of_its_own_does_not_tip_a_weak_vehicle() -> None:
     """As on real flights, which have up to 62 rad/s2 about roll."""
     weak = {"thrust_scale": {"scale": 0.85}}
     lap: FlightRecord = fly(with_effects(weak), circle(), believed=VEHICLE)
-    again = fly_again(lap, with_effects(weak), Nuisances(angular_acceleration=(-60.0, 5.0, -14.0)))
+    again = fly_again(lap, with_effects(weak), Nuisances(angular_acceleration_rad_s2=(-60.0, 5.0, -14.0)))
     assert again is not None
     leans = np.degrees(np.linalg.norm(rotation_between(again.attitude, again.needed_attitude), axis=1))
     assert np.median(leans) < 3.0

@@ -153,7 +153,7 @@ def test_nuisances_of_the_first_seconds_serve_the_rest() -> None:
     fitted = evaluate([record], VEHICLE, calibrate_first_s=8.0)
     found = fitted.flights[0].nuisances
     assert found.thrust_scale == pytest.approx(0.94, rel=2e-3)
-    assert (found.lean_x, found.lean_y) == pytest.approx((0.03, -0.02), abs=1e-3)
+    assert found.lean_rad == pytest.approx((0.03, -0.02), abs=1e-3)
     assert not found.at_bound
     assert plain.overall.given_attitude[1.0].position_m > 0.2
     assert fitted.overall.given_attitude[1.0].position_m < 1e-3
@@ -315,7 +315,9 @@ def test_flying_again_knows_what_a_flight_has_of_its_own() -> None:
     """A thrust that is 5 % weak, and a torque of its own, are what the commands show."""
     weak = fly(with_effects({"thrust_scale": {"scale": 0.95}}), up_and_down(), believed=VEHICLE)
     calibrated = fly_again(weak, VEHICLE, Nuisances(thrust_scale=0.95))
-    turned = fly_again(weak, VEHICLE, Nuisances(thrust_scale=0.95, angular_acceleration=(8.0, -5.0, 1.0)))
+    turned = fly_again(
+        weak, VEHICLE, Nuisances(thrust_scale=0.95, angular_acceleration_rad_s2=(8.0, -5.0, 1.0))
+    )
     assert calibrated is not None
     assert turned is not None
     for flight in (calibrated, turned):

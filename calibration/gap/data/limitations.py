@@ -23,40 +23,11 @@ def limitations(records: Sequence[FlightRecord]) -> tuple[str, ...]:
         found.append("one single flight: nothing can be held out, so no effect can be confirmed")
     elif len({r.shape for r in records}) == 1:
         found.append("one trajectory shape only: no unseen shape to confirm an effect on")
-    found += _missing(
-        "no battery voltage: the one at which the model hovers stands for it, and empties as its pack does "
-        "where the flights say so, so that thrust_scale, mass_error, battery_sag and motor_warming cannot be "
-        "judged; log it (pm.vbat, vbat)",
-        records,
-        lambda r: r.voltage is None,
-    )
-    found += _missing(
-        "no accelerometer: forces are those that poses show over 0.16 s, and pose_offset cannot be judged",
-        records,
-        lambda r: r.specific_force is None,
-    )
-    found += _missing(
-        "pose is the onboard estimate, which depends on the gyro: sensing effects cannot be judged",
-        records,
-        lambda r: r.pose_source is PoseSource.ONBOARD_ESTIMATE,
-    )
-    found += _missing(
-        "less than half of the time in flight can be used: the rest is lost in radio gaps, or lies on "
-        "straight lines as a log makes them up; what is not seen there is not judged",
-        records,
-        lambda r: known_share(r) < _HALF,
-    )
-    found += _missing(
-        "hardly any excitation: lag, delay, inertia and air effects cannot be judged", records, _quiet
-    )
+    for lacks, text in _LACKS:
+        names = [record.name for record in records if lacks(record)]
+        if names:
+            found.append(text if len(names) == len(records) else f"{text} (in {', '.join(names)})")
     return (*found, *_noted(records))
-
-
-def _missing(text: str, records: Sequence[FlightRecord], test: Callable[[FlightRecord], bool]) -> list[str]:
-    names = [r.name for r in records if test(r)]
-    if not names:
-        return []
-    return [text if len(names) == len(records) else f"{text} (in {', '.join(names)})"]
 
 
 def _noted(records: Sequence[FlightRecord]) -> list[str]:
@@ -75,3 +46,28 @@ def _quiet(record: FlightRecord) -> bool:
     rate = np.sqrt(np.mean(np.sum(record.rate[record.flying] ** 2, axis=1)))
     speed = np.sqrt(np.mean(np.sum(record.velocity[record.flying] ** 2, axis=1)))
     return bool(rate < _QUIET_RATE and speed < _QUIET_SPEED)
+
+
+_LACKS: tuple[tuple[Callable[[FlightRecord], bool], str], ...] = (
+    (
+        lambda record: record.voltage is None,
+        "no battery voltage: the one at which the model hovers stands for it, and empties as its pack does "
+        "where the flights say so, so that thrust_scale, mass_error, battery_sag and motor_warming cannot be "
+        "judged; log it (pm.vbat, vbat)",
+    ),
+    (
+        lambda record: record.specific_force is None,
+        "no accelerometer: forces are those that poses show over 0.16 s, and pose_offset cannot be judged",
+    ),
+    (
+        lambda record: record.pose_source is PoseSource.ONBOARD_ESTIMATE,
+        "pose is the onboard estimate, which depends on the gyro: sensing effects cannot be judged",
+    ),
+    (
+        lambda record: known_share(record) < _HALF,
+        "less than half of the time in flight can be used: the rest is lost in radio gaps, or lies on "
+        "straight lines as a log makes them up; what is not seen there is not judged",
+    ),
+    (_quiet, "hardly any excitation: lag, delay, inertia and air effects cannot be judged"),
+)
+"""What flights may lack, and what cannot be judged without."""

@@ -178,7 +178,7 @@ def fly_again(
     thrust_map, voltage = vehicle.motors.thrust_map_compiled(), inputs.voltage[stretch]
     highest = float(voltage.max())
     gains = up_to_full_duty(controller_gains(vehicle), thrust_from_voltage(thrust_map, highest))
-    turned = np.asarray(own.angular_acceleration)
+    turned = np.asarray(own.angular_acceleration_rad_s2)
     pushed = tuple((p["inertia"] * turned).tolist())
     # A trim is a moment: no battery changes it, but one that is low may hold no hover to find it in.
     held = hover_command(p, thrust_map, highest, inputs.position[stretch.start], pushed)

@@ -330,7 +330,7 @@ def _scored(
     return FlightErrors(
         record=inputs.record,
         model=model,
-        floor=_floor(inputs, replay, np.array(nuisances.accelerometer_bias)),
+        floor=_floor(inputs, replay, np.array(nuisances.accelerometer_bias_m_s2)),
         torque_estimate=with_torque_estimate(inputs, rows, lengths, nuisances),
         phases=phase_indices(inputs, rows),
         rotation=inputs.rotation[rows],

@@ -34,23 +34,22 @@ class Nuisances:
 
     Attributes:
         thrust_scale: factor on the thrust of all rotors.
-        lean_x, lean_y: rad, of the thrust towards b_x and b_y.
-        angular_acceleration: rad/s2 about the body axes, constant.
-        accelerometer_bias: m/s2, body, for the floor only.
+        lean_rad: of the thrust towards b_x and b_y.
+        angular_acceleration_rad_s2: about the body axes, constant.
+        accelerometer_bias_m_s2: body, for the floor only.
         at_bound: a number left the range of what is physical (0.5 to 1.5, 0.2 rad) and was held there: the
             flight belongs to another vehicle, or the model is far off.
     """
 
     thrust_scale: float = 1.0
-    lean_x: float = 0.0
-    lean_y: float = 0.0
-    angular_acceleration: Vector = (0.0, 0.0, 0.0)
-    accelerometer_bias: Vector = (0.0, 0.0, 0.0)
+    lean_rad: tuple[float, float] = (0.0, 0.0)
+    angular_acceleration_rad_s2: Vector = (0.0, 0.0, 0.0)
+    accelerometer_bias_m_s2: Vector = (0.0, 0.0, 0.0)
     at_bound: bool = False
 
     def trim(self) -> FloatArray:
         """Lean and angular acceleration for the kernels, shape (5,)."""
-        return np.array([self.lean_x, self.lean_y, *self.angular_acceleration])
+        return np.array([*self.lean_rad, *self.angular_acceleration_rad_s2])
 
     def scaled(self, parameters: Any) -> Any:
         """The parameters of the physics with this thrust scale."""
@@ -70,16 +69,6 @@ class Nuisances:
             parameters=self.scaled(inputs.parameters),
             trims=self.trim(),
         )
-
-    def json_shape(self) -> dict[str, Any]:
-        """By name, SI."""
-        return {
-            "thrust_scale": self.thrust_scale,
-            "lean_rad": (self.lean_x, self.lean_y),
-            "angular_acceleration_rad_s2": self.angular_acceleration,
-            "accelerometer_bias_m_s2": self.accelerometer_bias,
-            "at_bound": self.at_bound,
-        }
 
 
 def fit_nuisances(inputs: PredictionInputs, rows: Rows, lengths: Rows) -> Nuisances | None:
@@ -120,19 +109,18 @@ def fit_nuisances(inputs: PredictionInputs, rows: Rows, lengths: Rows) -> Nuisan
         bias = accelerometer_bias(inputs, rows, int(end[0]))
     found = Nuisances(
         thrust_scale=float(force[0]),
-        lean_x=float(force[1]),
-        lean_y=float(force[2]),
-        accelerometer_bias=(float(bias[0]), float(bias[1]), float(bias[2])),
+        lean_rad=(float(force[1]), float(force[2])),
+        accelerometer_bias_m_s2=(float(bias[0]), float(bias[1]), float(bias[2])),
         at_bound=at_bound,
     )
-    return replace(found, angular_acceleration=_trim(inputs, rows, lengths, found))
+    return replace(found, angular_acceleration_rad_s2=_trim(inputs, rows, lengths, found))
 
 
 def _velocity_errors(
     inputs: PredictionInputs, rows: Rows, end: Rows, lengths: Rows, force: FloatArray
 ) -> FloatArray:
     """Velocity errors (m/s, body axes) with this scale and lean, shape (3 m,)."""
-    nuisances = Nuisances(thrust_scale=force[0], lean_x=force[1], lean_y=force[2])
+    nuisances = Nuisances(thrust_scale=force[0], lean_rad=(force[1], force[2]))
     replay = replace(nuisances.replay(inputs, rows, end, lengths), given_attitude=True)
     errors = prediction_errors(inputs, replay)
     return in_body_axes(errors, inputs.rotation[rows])[:, 0, 1].ravel()

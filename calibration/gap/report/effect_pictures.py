@@ -47,21 +47,34 @@ def _picture(
         return None
     valid = signals.valid[:, channel]
     said = averaged(says[:, channel], valid, signals)
-    shown = averaged(final.estimate.residual[:, channel] + says[:, channel], valid, signals)
     shares = [_share(averaged(one.values, valid, signals), said) for one in along]
     best = int(np.argmax(shares))
-    itself = shares[best] < _TELLING
-    x = said if itself else averaged(along[best].values, valid, signals)
-    known = np.isfinite(x) & np.isfinite(said) & np.isfinite(shown)
+    itself = Regressor(_ITSELF, "", UNITS[channel], says[:, channel])
+    shown = final.estimate.residual[:, channel] + says[:, channel]
+    over = itself if shares[best] < _TELLING else along[best]
+    return along_regressor(over, CHANNELS[channel], (shown, says[:, channel]), signals, name)
+
+
+def along_regressor(
+    regressor: Regressor,
+    channel: str,
+    readings: tuple[FloatArray, FloatArray],
+    signals: Signals,
+    effect: str = "",
+) -> AlongRegressor:
+    """Two readings of a channel, shape (n,) each, over a regressor, averaged over 0.1 s."""
+    index = CHANNELS.index(channel)
+    columns = [averaged(one, signals.valid[:, index], signals) for one in (regressor.values, *readings)]
+    x, first, second = np.array(columns)[:, np.isfinite(columns).all(axis=0)]
     return AlongRegressor(
-        effect=name,
-        channel=CHANNELS[channel],
-        channel_unit=UNITS[channel],
-        regressor=_ITSELF if itself else along[best].name,
-        regressor_unit=UNITS[channel] if itself else along[best].unit,
-        x=x[known],
-        first=shown[known],
-        second=said[known],
+        channel=channel,
+        channel_unit=UNITS[index],
+        regressor=regressor.name,
+        regressor_unit=regressor.unit,
+        x=x,
+        first=first,
+        second=second,
+        effect=effect,
     )
 
 

@@ -3,16 +3,14 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.data.signals import CHANNELS, UNITS
+from calibration.gap.data.signals import CHANNELS
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Gap, NamelessTerms, Rejected, Unexplained, Where
-from calibration.gap.report.effect_pictures import averaged, effect_pictures
+from calibration.gap.report.effect_pictures import along_regressor, effect_pictures
 from calibration.gap.report.figures_data import AlongRegressor, ReportFigures
 from calibration.gap.report.prediction_figures import stage_gaps
 from calibration.gap.search.forward import Search
@@ -91,24 +89,9 @@ def _clouds(before: GapMap, found: Search, training: Training) -> tuple[AlongReg
         if cell.channel.frame == "world":
             continue
         index = CHANNELS.index(cell.channel.signal)
-        columns = [
-            along[cell.regressor.name].values,
-            found.first.estimate.residual[:, index],
-            found.final.estimate.residual[:, index],
-        ]
-        means = np.array([averaged(column, signals.valid[:, index], signals) for column in columns])
-        x, one, other = means[:, np.isfinite(means).all(axis=0)]
-        clouds.append(
-            AlongRegressor(
-                channel=cell.channel.name,
-                channel_unit=UNITS[index],
-                regressor=cell.regressor.name,
-                regressor_unit=cell.regressor.unit,
-                x=x,
-                first=one,
-                second=other,
-            )
-        )
+        residuals = found.first.estimate.residual[:, index], found.final.estimate.residual[:, index]
+        regressor = along[cell.regressor.name]
+        clouds.append(along_regressor(regressor, cell.channel.signal, residuals, signals))
     return tuple(clouds)
 
 

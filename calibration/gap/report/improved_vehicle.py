@@ -38,33 +38,21 @@ def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], names: Na
     Parameters that were not found stay neutral. `names` has the effects that are real and too small for a
     name, and the curves that have none; `source` is the provenance of the numbers.
     """
-    added = tuple(
-        Effect(
-            name=effect.name,
-            parameters={
-                key: Quantity(one.value, one.unit, (one.ci95[1] - one.ci95[0]) / (2.0 * NINETY_FIVE), source)
-                for key, one in effect.parameters.items()
-            },
-        )
+    found = {
+        effect.name: {
+            key: Quantity(one.value, one.unit, (one.ci95[1] - one.ci95[0]) / (2.0 * NINETY_FIVE), source)
+            for key, one in effect.parameters.items()
+        }
         for effect in effects
-    )
-    small = tuple(
-        Effect(
-            name=name,
-            parameters={
-                v.parameter: Quantity(
-                    x,
-                    names.improved.rule(v).unit,
-                    names.errors.get(v, 0.0),
-                    f"{source}; too small for a name",
-                )
-                for v, x in names.improved.values.items()
-                if v.effect == name
-            },
-        )
-        for name in names.minor
-    )
-    return vehicle.with_effects((*added, *small)).with_unnamed(names.curves)
+    }
+    small: dict[str, dict[str, Quantity]] = {name: {} for name in names.minor}
+    for v, x in names.improved.values.items():
+        if v.effect in small:
+            unit, error = names.improved.rule(v).unit, names.errors.get(v, 0.0)
+            small[v.effect][v.parameter] = Quantity(x, unit, error, f"{source}; too small for a name")
+    named = (*found.items(), *small.items())
+    added = [Effect(name=name, parameters=parameters) for name, parameters in named]
+    return vehicle.with_effects(added).with_unnamed(names.curves)
 
 
 def hard_to_fly(improved: Vehicle) -> Iterator[str]:
