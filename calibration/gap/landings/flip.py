@@ -24,32 +24,19 @@ _LEAST_SAMPLES = 7
 _COMMAND_ROW = 0.03  # s: commands this close to the trigger may still be those of the approach
 
 
-@dataclass(frozen=True)
-class Variant:
-    """A change of the model.
-
-    Attributes:
-        up, down: factors on the motors' time constants. inertia: factor on the pitch inertia.
-        late: s by which the commands act later than logged.
-    """
-
-    up: float = 1.0
-    down: float = 1.0
-    inertia: float = 1.0
-    late: float = 0.0
-
-
-VARIANTS: Mapping[str, Variant] = {
-    "as filed": Variant(),
-    "spin-down 7 % slower": Variant(down=0.16 / 0.15),
-    "spin-up 20 %, spin-down 7 % slower": Variant(up=1.2, down=0.16 / 0.15),
-    "spin-down as quick as spin-up": Variant(down=1.0 / 3.0),
-    "no motor lag": Variant(up=1e-2, down=1e-2),
-    "pitch inertia 10 % smaller": Variant(inertia=0.9),
-    "pitch inertia 10 % larger": Variant(inertia=1.1),
-    "commands 5 ms later": Variant(late=0.005),
-    "commands 10 ms later": Variant(late=0.01),
+VARIANTS: Mapping[str, Mapping[str, float]] = {
+    "as filed": {},
+    "spin-down 7 % slower": {"down": 0.16 / 0.15},
+    "spin-up 20 %, spin-down 7 % slower": {"up": 1.2, "down": 0.16 / 0.15},
+    "spin-down as quick as spin-up": {"down": 1.0 / 3.0},
+    "no motor lag": {"up": 1e-2, "down": 1e-2},
+    "pitch inertia 10 % smaller": {"inertia": 0.9},
+    "pitch inertia 10 % larger": {"inertia": 1.1},
+    "commands 5 ms later": {"late": 0.005},
+    "commands 10 ms later": {"late": 0.01},
 }
+"""Changes of the model: factors on the motors' time constants (`up`, `down`) and on the pitch inertia, and s
+by which the commands act later than logged (`late`)."""
 
 
 @dataclass(frozen=True)
@@ -72,31 +59,23 @@ class FlipResidual:
 def flip_residual(landings: Sequence[LandingSegment], vehicle: Vehicle) -> FlipResidual | None:
     """Compare all flips with commands and at least seven samples; None when there is none."""
     base = below_no_ceiling(vehicle)
-    errors: dict[str, list[FloatArray]] = {name: [] for name in VARIANTS}
-    names = []
+    names, errors = [], []
     for landing in landings:
         commands = commanded_thrusts(landing.flight, vehicle)
         if commands is None:
             continue
-        times = _compared(landing, *commands)
-        if times.size < _LEAST_SAMPLES:
-            continue
-        found = {
-            name: _errors(landing, commands, _changed(base, variant), variant.late, times)
-            for name, variant in VARIANTS.items()
-        }
-        if not found["as filed"].size:
+        times, approach = _compared(landing, *commands), running_until(commands, landing.trigger)
+        if times.size < _LEAST_SAMPLES or approach is None:
             continue
         names.append(landing.name)
-        for name, own in found.items():
-            errors[name].append(own)
+        thrust = approach[1][-1]
+        errors.append([_errors(landing, commands, thrust, base, one, times) for one in VARIANTS.values()])
     if not names:
         return None
-    joined = {name: np.concatenate(values) for name, values in errors.items()}
+    joined = dict(zip(VARIANTS, np.hstack(errors), strict=True))
     mean = {name: float(values.mean()) for name, values in joined.items()}
     rms = {name: float(np.sqrt(np.mean(values**2))) for name, values in joined.items()}
-    count = int(joined["as filed"].size)
-    return FlipResidual(tuple(names), count, mean, rms, _judge(mean, rms))
+    return FlipResidual(tuple(names), int(joined["as filed"].size), mean, rms, _judge(mean, rms))
 
 
 def _compared(landing: LandingSegment, command_t: FloatArray, commanded: FloatArray) -> FloatArray:
@@ -107,32 +86,28 @@ def _compared(landing: LandingSegment, command_t: FloatArray, commanded: FloatAr
     return t[(t > landing.trigger) & (t <= end)]
 
 
-def _changed(base: Any, variant: Variant) -> Any:
-    changed = base.copy()
-    changed["time_constant_up"] *= variant.up
-    changed["time_constant_down"] *= variant.down
-    changed["inertia"][1] *= variant.inertia
-    return changed
-
-
 def _errors(
-    landing: LandingSegment, commands: tuple[FloatArray, FloatArray], p: Any, late: float, times: FloatArray
+    landing: LandingSegment,
+    commands: tuple[FloatArray, FloatArray],
+    thrust: FloatArray,
+    base: Any,
+    variant: Mapping[str, float],
+    times: FloatArray,
 ) -> FloatArray:
-    """Model minus gyro (rad/s) at `times`; none where not all motors ran before the trigger.
-
-    The thrusts start from the last command in which all four motors ran.
-    """
-    approach = running_until(commands, landing.trigger)
-    if approach is None:
-        return np.zeros(0)
+    """Model minus gyro (rad/s) at `times`, from the `thrust` (N, (4,)) that ends the approach."""
     command_t, commanded = commands
+    p = base.copy()
+    p["time_constant_up"] *= variant.get("up", 1.0)
+    p["time_constant_down"] *= variant.get("down", 1.0)
+    p["inertia"][1] *= variant.get("inertia", 1.0)
     steps = int(np.ceil((times[-1] - landing.trigger) / DT)) + 1
     state = new_states(1)
     state["position"][0, 2] = 100.0
-    state["thrust"][0] = approach[1][-1]
+    state["thrust"][0] = thrust
     state["omega"][0, 1] = np.interp(landing.trigger, landing.gyro_t, landing.gyro[:, 1])
     trace = np.empty((steps + 1, COLUMNS))
-    fly(state[0], p, on_steps(command_t + late, commanded, landing.trigger, steps), 1, trace)
+    told = on_steps(command_t + variant.get("late", 0.0), commanded, landing.trigger, steps)
+    fly(state[0], p, told, 1, trace)
     at = landing.trigger + DT * np.arange(steps + 1)
     model = np.interp(times, at, trace[:, OMEGA + 1])
     return np.asarray(model - np.interp(times, landing.gyro_t, landing.gyro[:, 1]))

@@ -13,7 +13,7 @@ they were not fitted to.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,15 +60,10 @@ CANDIDATES: dict[str, tuple[str, ...]] = {
 }
 """The parameters that each effect moves."""
 
-MODELS: tuple[tuple[str, ...], ...] = (
-    (),
-    ("leg_stiffness",),
-    ("leg_damping",),
-    ("foot_slip",),
-    ("leg_stiffness", "leg_damping"),
-    ("leg_stiffness", "foot_slip"),
-    ("leg_damping", "foot_slip"),
+MODELS: tuple[tuple[str, ...], ...] = tuple(
+    model for size in range(3) for model in combinations(CANDIDATES, size)
 )
+"""None of them, one, or two."""
 
 _STIFFNESS_GRID = np.log(np.geomspace(0.15, 6.0, 17))
 _DAMPING_GRID = np.log(np.array([0.3, 1.0, 3.0, 10.0, 30.0]))
