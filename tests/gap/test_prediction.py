@@ -239,7 +239,7 @@ def test_a_model_that_runs_away_is_doubted(laps: FlightRecord) -> None:
     found = errors.overall.open_loop[0.5]
     assert found.diverged > 0
     assert found.windows == evaluate([laps], VEHICLE).overall.open_loop[0.5].windows
-    assert "runs away" in errors.doubts()[-1]
+    assert "runs away" in list(errors.doubts())[-1]
     json.dumps(as_json(errors), allow_nan=False)
 
 

@@ -1,5 +1,6 @@
 """The signals that a record needs, each at its own times and without what was made up."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,7 +87,7 @@ def read_signals(flight: Flight) -> LoggedSignals:
         battery=samples_of(flight, "vbat"),
         notes=(),
     )
-    return replace(measured, notes=_notes(measured, clipped))
+    return replace(measured, notes=tuple(_notes(measured, clipped)))
 
 
 def _required(flight: Flight, what: str, clock: str, *names: str) -> Samples:
@@ -117,17 +118,14 @@ def _motors(flight: Flight) -> tuple[ReceivedSignal, int]:
     return ReceivedSignal(Samples(signal.samples.t, clipped), signal.lost_s, signal.dead_s), count
 
 
-def _notes(signals: LoggedSignals, clipped: int) -> tuple[str, ...]:
-    notes = []
+def _notes(signals: LoggedSignals, clipped: int) -> Iterator[str]:
     if clipped:
-        notes.append(f"{clipped} motor commands beyond 0..65535 clipped")
-    for what, signal in (
-        ("motor commands", signals.motors),
-        ("gyro", signals.gyro),
-        ("accelerometer", signals.accelerometer),
-    ):
-        if signal is not None and signal.lost_s > 0.0:
-            notes.append(f"{what}: {signal.lost_s:.2f} s lost in radio gaps")
-        if signal is not None and signal.dead_s > 1.0:
-            notes.append(f"{what}: dead for the last {signal.dead_s:.1f} s")
-    return tuple(notes)
+        yield f"{clipped} motor commands beyond 0..65535 clipped"
+    received_ones = {"motor commands": signals.motors, "gyro": signals.gyro}
+    if signals.accelerometer is not None:
+        received_ones["accelerometer"] = signals.accelerometer
+    for what, signal in received_ones.items():
+        if signal.lost_s > 0.0:
+            yield f"{what}: {signal.lost_s:.2f} s lost in radio gaps"
+        if signal.dead_s > 1.0:
+            yield f"{what}: dead for the last {signal.dead_s:.1f} s"

@@ -112,7 +112,7 @@ def judge_landings(flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.G
         findings = tuple(_up_to(finding, finer) for finding in findings)
         words = (_FINER.format(math.exp(theta.adhesion), finer),)
     left = misfit_left(table, theta or NOMINAL)
-    words += limitations(problems, vehicle, left)
+    words = (*words, *limitations(problems, vehicle, left))
     allowed = {
         effect: {name: interval for name, (_, interval) in parameters.items()}
         for effect, parameters in evidence.allowed.items()

@@ -1,6 +1,6 @@
 """How well a model predicts flights, by horizon, flight, phase and channel, and how well anything could."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -174,23 +174,18 @@ class PredictionErrors:
             }
         return channels
 
-    def doubts(self) -> list[str]:
+    def doubts(self) -> Iterator[str]:
         """What should be looked at before the numbers are believed, in words."""
-        doubts = []
         low, high = ORDINARY_THRUST
-        odd = [f for f in self.flights if not low < f.thrust_ratio < high]
-        if odd:
-            ratios = sorted(f.thrust_ratio for f in odd)
-            doubts.append(
-                f"{len(odd)} of {len(self.flights)} flights had {ratios[0]:.2f} to {ratios[-1]:.2f} times "
+        ratios = sorted(f.thrust_ratio for f in self.flights if not low < f.thrust_ratio < high)
+        if ratios:
+            yield (
+                f"{len(ratios)} of {len(self.flights)} flights had {ratios[0]:.2f} to {ratios[-1]:.2f} times "
                 "the thrust that the model makes of their commands: is this the vehicle that flew?"
             )
         lost = max((errors.diverged for errors in self.overall.open_loop.values()), default=0)
         if lost:
-            doubts.append(
-                f"from {lost} starts the model runs away to no number at all; they are not in the means"
-            )
-        return doubts
+            yield f"from {lost} starts the model runs away to no number at all; they are not in the means"
 
     def json_shape(self) -> dict[str, Any]:
         """The document of ``perchhw gap evaluate``."""
@@ -213,7 +208,7 @@ class PredictionErrors:
                 for flight, pair in zip(self.flights, self.by_flight(), strict=True)
             ],
             "calibrated_first_s": self.calibrated_s,
-            "doubts": self.doubts(),
+            "doubts": list(self.doubts()),
             "unpredicted": [
                 {"flight": item.record.name, "file": item.record.source, "reason": item.reason}
                 for item in self.unpredicted
