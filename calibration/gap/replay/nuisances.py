@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from calibration.gap.replay.flight_prediction import Replay, in_body_axes, prediction_errors
 from calibration.gap.replay.floors import accelerometer_bias
@@ -22,8 +23,6 @@ TORQUE_HORIZON = 0.1
 LEAST_STARTS = 20
 """Starts that the fit needs."""
 
-_SCALE_STEP, _LEAN_STEP = 0.02, 0.02
-_ROUNDS = 3
 _SCALE_RANGE = (0.5, 1.5)
 _MOST_LEAN = 0.2
 
@@ -87,31 +86,21 @@ def fit_nuisances(inputs: PredictionInputs, rows: Rows, lengths: Rows) -> Nuisan
     rows, lengths = rows[long_enough], lengths[long_enough]
     if rows.size < LEAST_STARTS:
         return None
-    force = np.array([1.0, 0.0, 0.0])
-    bound = (
-        np.array([_SCALE_RANGE[0], -_MOST_LEAN, -_MOST_LEAN]),
-        np.array([_SCALE_RANGE[1], *2 * [_MOST_LEAN]]),
+    fit = least_squares(
+        lambda force: _velocity_errors(inputs, rows, end, lengths, force),
+        [1.0, 0.0, 0.0],
+        bounds=([_SCALE_RANGE[0], -_MOST_LEAN, -_MOST_LEAN], [_SCALE_RANGE[1], _MOST_LEAN, _MOST_LEAN]),
+        method="dogbox",
+        x_scale=0.01,
     )
-    at_bound = False
-    for _ in range(_ROUNDS):
-        residual = _velocity_errors(inputs, rows, end, lengths, force)
-        slopes = []
-        for index, step in enumerate((_SCALE_STEP, _LEAN_STEP, _LEAN_STEP)):
-            moved = force.copy()
-            moved[index] += step
-            slopes.append((_velocity_errors(inputs, rows, end, lengths, moved) - residual) / step)
-        change, *_ = np.linalg.lstsq(np.column_stack(slopes), -residual, rcond=None)
-        wanted = force + change
-        force = np.clip(wanted, *bound)
-        at_bound = bool(np.any(wanted != force))
     bias = np.zeros(3)
     if inputs.record.specific_force is not None:
         bias = accelerometer_bias(inputs, rows, int(end[0]))
     found = Nuisances(
-        thrust_scale=float(force[0]),
-        lean_rad=(float(force[1]), float(force[2])),
+        thrust_scale=float(fit.x[0]),
+        lean_rad=(float(fit.x[1]), float(fit.x[2])),
         accelerometer_bias_m_s2=(float(bias[0]), float(bias[1]), float(bias[2])),
-        at_bound=at_bound,
+        at_bound=bool(np.any(fit.active_mask)),
     )
     return replace(found, angular_acceleration_rad_s2=_trim(inputs, rows, lengths, found))
 
