@@ -21,36 +21,19 @@ def predicted_worse(
 ) -> str | None:
     """Why no name is believed; None where names predict no worse than nothing.
 
-    `stages` are of the flights kept back, of which each has its `own` (m); `fitted` are the others.
-    """
-    if worse_than_their_own(stages, own):
-        return FAILED
-    return FITTED_TOO if worse_where_fitted_too(names, stages, fitted) else None
-
-
-def worse_than_their_own(stages: Mapping[str, PredictionErrors], own: float) -> bool:
-    """Whether the position of flights kept back is predicted worse with all names than without any, by more
-    than what each has of its `own` (m) explains: a flight that lifts a little less may suit a wrong model."""
-    levels = prediction_gap(stages).overall
-    return levels.after > max(_CLEARLY * levels.before, math.hypot(levels.before, own))
-
-
-def worse_where_fitted_too(
-    names: Named, stages: Mapping[str, PredictionErrors], fitted: Sequence[FlightRecord]
-) -> bool:
-    """Whether flights kept back are predicted worse by any amount, and those that were fitted clearly.
-
-    A fit leaves to each part of a flight a scale of thrust of its own: a name that tells a torque well may
-    bring a wrong thrust, which no likelihood resents. What a few flights have of their own may make a right
-    model look worse on them, but not on those that it was fitted to. The arguments are those of
-    :func:`predicted_worse`.
+    `stages` are of the flights kept back. Their position may be worse with names by what each has of its
+    `own` (m): a flight that lifts a little less may suit a wrong model. By any amount it may not where those
+    that were `fitted` are clearly worse, too. A fit leaves to each part of a flight a scale of thrust of its
+    own: a name that tells a torque well may bring a wrong thrust, which no likelihood resents.
     """
     kept_back = prediction_gap(stages).overall
+    if kept_back.after > max(_CLEARLY * kept_back.before, math.hypot(kept_back.before, own)):
+        return FAILED
     if not names.effects or kept_back.after <= kept_back.before:
-        return False
+        return None
     first, *_, last = (model.vehicle() for model in names.models().values())
     levels = prediction_gap({"before": evaluate(fitted, first), "after": evaluate(fitted, last)}).overall
-    return levels.after > _CLEARLY * levels.before
+    return FITTED_TOO if levels.after > _CLEARLY * levels.before else None
 
 
 def no_better(

@@ -1,15 +1,18 @@
 """Choose the flight of the library that tells two effects apart best, or the measurement where none does."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from calibration.gap.suggest.hypothesis import Hypothesis
 from calibration.gap.suggest.landing_separation import LANDINGS, landing_separation
 from calibration.gap.suggest.open_questions import OpenQuestions
 from calibration.gap.suggest.separation import Separation, separation
-from onboard.manoeuvres import MANOEUVRES, CourseDoesNotFit, manoeuvre
+from onboard.manoeuvres import MANOEUVRES, Course, CourseDoesNotFit, manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Vehicle
 from onboard.vehicle.effects import Domain
@@ -94,10 +97,16 @@ class Suggester:
     def _for_pair(self, questions: OpenQuestions, pair: tuple[str, str]) -> Suggestion:
         self.on_pair(pair)
         vehicle = questions.vehicle(self.vehicle)
+        first, second = (questions.values_of(name) for name in pair)
+
+        def directions(tell: Callable[[Hypothesis, str], Separation]) -> Directions:
+            return tell(first, pair[1]), tell(second, pair[0])
+
         if any(EFFECTS[name].domain is Domain.CONTACT for name in pair):
-            directed = {LANDINGS: self._landings(vehicle, questions, pair)}
+            directed = {LANDINGS: directions(partial(landing_separation, vehicle, room=self.room))}
         else:
-            directed = self._courses(vehicle, questions, pair)
+            fly = partial(separation, vehicle, room=self.room, seed=self.seed)
+            directed = {kind: directions(partial(fly, course=course)) for kind, course in self._courses()}
         ranking = sorted(
             ((kind, _worse(both)) for kind, both in directed.items()), key=lambda item: -item[1].per_second
         )
@@ -112,29 +121,11 @@ class Suggester:
         times = math.ceil(WANTED / best.log_likelihood_ratio)
         return Suggestion(pair, kind, min(max(times, LEAST_FLIGHTS), MOST_FLIGHTS), tuple(ranking), None)
 
-    def _courses(
-        self, vehicle: Vehicle, questions: OpenQuestions, pair: tuple[str, str]
-    ) -> dict[str, Directions]:
-        """Separation by every flight that fits the room."""
-        found: dict[str, Directions] = {}
+    def _courses(self) -> Iterator[tuple[str, Course]]:
+        """Every flight that fits the room."""
         for kind in self.kinds:
-            try:
-                course = manoeuvre(kind).course({}, self.room)
-            except CourseDoesNotFit:
-                continue
-            first, second = (questions.values_of(name) for name in pair)
-            found[kind] = (
-                separation(vehicle, first, pair[1], course, self.room, self.seed),
-                separation(vehicle, second, pair[0], course, self.room, self.seed),
-            )
-        return found
-
-    def _landings(self, vehicle: Vehicle, questions: OpenQuestions, pair: tuple[str, str]) -> Directions:
-        first, second = (questions.values_of(name) for name in pair)
-        return (
-            landing_separation(vehicle, first, pair[1], self.room),
-            landing_separation(vehicle, second, pair[0], self.room),
-        )
+            with suppress(CourseDoesNotFit):
+                yield kind, manoeuvre(kind).course({}, self.room)
 
 
 def _worse(both: Directions) -> Separation:
