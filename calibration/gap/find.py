@@ -248,7 +248,10 @@ def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> Ga
         limitations=(*_limitations(examined, sizeable), *hard_to_fly(improved)),
         landings=examined.landings,
         seed=question.seed,
-        settings=_settings(names.model),
+        settings={
+            "ceiling_z_m": names.model.ceiling_z,
+            "versions": {name: version(name) for name in _VERSIONS},
+        },
         noise=_noise(found, training),
     )
 
@@ -313,10 +316,6 @@ def _limitations(examined: _Examined, sizeable: Sequence[FittedTerm]) -> Iterato
         yield from no_better(proved.stages, proved.own, proved.effects)
     yield from of_small_terms(found, sizeable)
     yield from of_one_number_for_all(found, proved.names, examined.training)
-
-
-def _settings(model: Model) -> dict[str, Any]:
-    return {"ceiling_z_m": model.ceiling_z, "versions": {name: version(name) for name in _VERSIONS}}
 
 
 def _noise(found: Search, training: Training) -> dict[str, Any]:

@@ -76,8 +76,7 @@ def remaining(
     `chance` (m) is from :func:`chance_floor` and :func:`own_floor`; `after`: where the residual of
     the `final` fit lives; `named`: whether anything has a name.
     """
-    nuisances = (*_means(final, vehicle), *_own(final, vehicle))
-    return (*_error(gap, chance, named), *_places(after, vehicle), *nuisances)
+    return (*_error(gap, chance, named), *_places(after, vehicle), *_nuisances(final, vehicle))
 
 
 def _error(gap: Gap, chance: float, named: bool) -> Iterator[str]:
@@ -105,12 +104,9 @@ def _places(after: GapMap, vehicle: Vehicle) -> Iterator[str]:
             yield f"{channel.name}: {cell.share:.0%} of what is left goes with {with_what}"
 
 
-def _means(final: Fitted, vehicle: Vehicle) -> Iterator[str]:
+def _nuisances(final: Fitted, vehicle: Vehicle) -> Iterator[str]:
     for shared in shared_nuisances(final, vehicle):
         name = shared.name.replace("_", " ")
         yield f"{name}: {shared.mean:.3g} +- {shared.error:.2g} {shared.unit} in all flights"
-
-
-def _own(final: Fitted, vehicle: Vehicle) -> Iterator[str]:
     for name, size, unit in beyond_the_ordinary(final, vehicle):
         yield f"{name.replace('_', ' ')}: {size:.3g} {unit} rms over flights, more than any has of its own"

@@ -1,7 +1,7 @@
 """Name what is wrong with the sensors: the mean over flights is an effect, the rest is each flight's own."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from calibration.gap.sensors.gyro_scale import gyro_scale
 from calibration.gap.sensors.held_out import held_out_improvement
 from calibration.gap.sensors.pooling import Pooled
 from onboard.vehicle import Vehicle
-from onboard.vehicle.effects import EFFECTS
+from onboard.vehicle.effects import EFFECTS, EffectParameter
 
 _LEAST_IMPROVEMENT = 0.001
 
@@ -62,9 +62,8 @@ def judge_sensing(records: Sequence[FlightRecord]) -> SensingFindings:
     used = [record for record in records if record.name in judged]
     effects: list[FoundEffect] = []
     notes = list(_remarks(pooled))
-    for name in sorted(
-        (n for n in pooled if _stands_out(n, pooled[n])), key=lambda n: -_certainty(pooled[n])
-    ):
+    standing_out = {name: means for name, means in pooled.items() if _stands_out(name, means)}
+    for name in sorted(standing_out, key=lambda n: -max(abs(p.mean) / p.error for p in standing_out[n])):
         if not _within_bounds(name, pooled[name]):
             notes.append(f"{name} {_words(name, pooled[name])} is beyond its physical bounds: not named")
             continue
@@ -109,15 +108,20 @@ def _says(values: Mapping[str, float], effect: FoundEffect) -> bool:
 
 
 def _effect(name: str, pooled: Sequence[Pooled], gain: Improvement) -> FoundEffect:
-    parameters = zip(EFFECTS[name].parameters.items(), pooled, strict=True)
     return FoundEffect(
         name=name,
         parameters={
             key: FoundParameter(value=p.mean, unit=rule.unit, ci95=_with_doubt(p, name, pooled))
-            for (key, rule), p in parameters
+            for key, rule, p in _parameters(name, pooled)
         },
         **vars(gain),
     )
+
+
+def _parameters(name: str, pooled: Sequence[Pooled]) -> Iterator[tuple[str, EffectParameter, Pooled]]:
+    """Each parameter of an effect by name, what is known of it, and its mean."""
+    rules = EFFECTS[name].parameters
+    yield from zip(rules, rules.values(), pooled, strict=True)
 
 
 def _with_doubt(one: Pooled, name: str, all_axes: Sequence[Pooled]) -> tuple[float, float]:
@@ -136,13 +140,8 @@ def _stands_out(name: str, pooled: Sequence[Pooled]) -> bool:
     return float(np.linalg.norm([p.mean for p in pooled if p.significant])) > _least(name)
 
 
-def _certainty(pooled: Sequence[Pooled]) -> float:
-    return max(abs(p.mean) / p.error for p in pooled)
-
-
 def _within_bounds(name: str, pooled: Sequence[Pooled]) -> bool:
-    parameters = EFFECTS[name].parameters.values()
-    return all(p.low <= q.mean <= p.high for p, q in zip(parameters, pooled, strict=True))
+    return all(rule.low <= p.mean <= rule.high for _, rule, p in _parameters(name, pooled))
 
 
 def _helps(gain: Improvement) -> bool:
@@ -151,24 +150,16 @@ def _helps(gain: Improvement) -> bool:
     )
 
 
-def _remarks(pooled: Mapping[str, Sequence[Pooled]]) -> list[str]:
+def _remarks(pooled: Mapping[str, Sequence[Pooled]]) -> Iterator[str]:
     """What flights do not share, and what may be there but is not certain."""
-    notes = []
     for name, means in pooled.items():
         if max(p.spread for p in means) > _least(name):
-            spreads = ", ".join(
-                f"{key} by {p.spread:.2g} {parameter.unit}"
-                for (key, parameter), p in zip(EFFECTS[name].parameters.items(), means, strict=True)
-            )
-            notes.append(f"{name} differs from flight to flight: {spreads}; corrected in each")
+            spreads = [f"{key} by {p.spread:.2g} {rule.unit}" for key, rule, p in _parameters(name, means)]
+            yield f"{name} differs from flight to flight: {', '.join(spreads)}; corrected in each"
         if not _stands_out(name, means) and np.linalg.norm([p.mean for p in means]) > _least(name):
-            notes.append(f"{name} {_words(name, means)} is not certain: not named")
-    return notes
+            yield f"{name} {_words(name, means)} is not certain: not named"
 
 
 def _words(name: str, pooled: Sequence[Pooled]) -> str:
-    parts = [
-        f"{key} {p.mean:.4g} +- {p.error:.2g} {parameter.unit}"
-        for (key, parameter), p in zip(EFFECTS[name].parameters.items(), pooled, strict=True)
-    ]
-    return "(" + ", ".join(parts) + ")"
+    parts = [f"{key} {p.mean:.4g} +- {p.error:.2g} {rule.unit}" for key, rule, p in _parameters(name, pooled)]
+    return f"({', '.join(parts)})"
