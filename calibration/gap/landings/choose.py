@@ -88,15 +88,9 @@ def gains(difference: FloatArray, rng: np.random.Generator) -> bool:
 
 def practical(model: Sequence[str], theta: Theta) -> bool:
     """Whether every effect of the model differs from the vehicle file by more than is worth a name."""
-    for effect in model:
-        if effect == "foot_slip":
-            if theta.adhesion >= PERFECT and theta.preload < LEAST_PRELOAD:
-                return False
-        else:
-            name = CANDIDATES[effect][0]
-            if abs(getattr(theta, name)) < PRACTICAL[name]:
-                return False
-    return True
+    slips = theta.adhesion < PERFECT or theta.preload >= LEAST_PRELOAD
+    moved = {name: abs(getattr(theta, name)) >= least for name, least in PRACTICAL.items()}
+    return all(slips if effect == "foot_slip" else moved[CANDIDATES[effect][0]] for effect in model)
 
 
 def at_bound(theta: Theta, effect: str) -> tuple[str, ...]:

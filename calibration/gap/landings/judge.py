@@ -169,9 +169,7 @@ def _findings(evidence: _Evidence, vehicle: Vehicle, rng: np.random.Generator) -
         return ()
     held_out = choice.held_out[choice.model]
     values = intervals(table, held_out, rng)
-    steps: list[tuple[str, ...]] = [()]
-    for effect in choice.effects:
-        steps.append(choice.model if len(steps) == len(choice.effects) else (effect,))
+    steps = [(), *((effect,) for effect in choice.effects[:-1]), choice.model]
     errors = [held_out_errors(table, choice.held_out[model].chosen) for model in steps]
     return tuple(
         FoundEffect(

@@ -91,20 +91,17 @@ class _Trial:
     def left_by(self, start: Hypothesis) -> float:
         """Twice the log-likelihood ratio that is left when the effect and the nuisances are fitted."""
         now, best = start, math.inf
-        for _ in range(_ROUNDS):
+        for round_ in range(_ROUNDS + 1):
             model = predicted(self.record, now.on(self.vehicle))
             residual = weighed(self.target - model, self.spectra)
             best = min(best, self._fit(self.nuisances, residual)[1])
-            names = list(now.values)
-            slopes = [self._slope(now, name, model) for name in names]
-            step, _ = self._fit(np.column_stack((*slopes, self.nuisances)), residual)
-            values = {
-                name: _bounded(now.effect, name, now.values[name] + change)
-                for name, change in zip(names, step[: len(names)].tolist(), strict=True)
-            }
-            now = Hypothesis(now.effect, values)
-        residual = weighed(self.target - predicted(self.record, now.on(self.vehicle)), self.spectra)
-        return min(best, self._fit(self.nuisances, residual)[1])
+            if round_ < _ROUNDS:
+                slopes = [self._slope(now, name, model) for name in now.values]
+                step, _ = self._fit(np.column_stack((*slopes, self.nuisances)), residual)
+                changes = zip(now.values.items(), step.tolist(), strict=False)  # nuisances follow
+                moved = {name: _bounded(now.effect, name, x + change) for (name, x), change in changes}
+                now = Hypothesis(now.effect, moved)
+        return best
 
     def _slope(self, at: Hypothesis, name: str, model: FloatArray) -> FloatArray:
         """Derivative of the weighed signals by one parameter, towards the middle of its bounds."""
