@@ -54,7 +54,8 @@ def horizon_panels(stages: Mapping[str, Gap], broad: bool) -> "Figure":
         floor = {horizon: one.noise_floor for horizon, one in levels.items() if one.noise_floor is not None}
         if floor:
             panel.plot([*floor], [*floor.values()], "--", lw=1.4, color=_FLOOR, label="floor")
-        panel.set(xlabel="s ahead", ylabel=next(iter(levels.values())).unit, xscale="log", yscale="log")
+        unit = next((one.unit for one in levels.values()), "")  # no level where every model ran away
+        panel.set(xlabel="s ahead", ylabel=unit, xscale="log", yscale="log")
         panel.set_xticks([*levels], [f"{horizon:g}" for horizon in levels])
         panel.minorticks_off()
         _plain_decades(panel)
