@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -21,6 +21,7 @@ from calibration.gap.data.split import split_flights
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Training, training_set
+from calibration.gap.estimate.voltage_lag import voltage_lag
 from calibration.gap.landings import LandingFindings, judge_landings
 from calibration.gap.replay.hover_voltage import of_one_vehicle
 from calibration.gap.replay.motor_order import check_motor_order
@@ -43,6 +44,7 @@ from calibration.gap.report.reservations import (
     of_small_terms,
     of_the_fit,
     of_the_search,
+    of_the_voltage,
 )
 from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.conclusion import concluded
@@ -180,6 +182,8 @@ def _flown(flights: Sequence[Flight], question: GapQuestion, progress: Progress)
     ceiling = _ceiling(question, corrected)
     corrected = clear_of_floor([record.under(ceiling) for record in corrected], question.vehicle)
     to_fit, kept_back = split_flights(corrected)
+    lag = voltage_lag([corrected[i] for i in to_fit], Model(question.vehicle, {}, ceiling))
+    corrected = [replace(record, voltage_lag=lag) for record in corrected]
     return _Flown(
         prepared=prepared,
         sensing=sensing,
@@ -312,6 +316,7 @@ def _limitations(examined: _Examined, sizeable: Sequence[FittedTerm]) -> Iterato
     if examined.landings is not None:
         yield from examined.landings.limitations
     yield from of_the_fit(found, flown.kept_back)
+    yield from of_the_voltage(examined.training)
     if flown.kept_back:
         yield from no_better(proved.stages, proved.own, proved.effects)
     yield from of_small_terms(found, sizeable)

@@ -4,11 +4,13 @@
 of a flight can be used.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import lfilter
 
 from calibration.errors import CalibrationError
 from calibration.flights.flight import PoseSource
@@ -32,6 +34,7 @@ class FlightRecord:
         duty: shape (n, 4), share of the battery voltage at each motor, 0..1.
         voltage: V, shape (n,), battery under load; None without it.
         voltage_measured: False where the voltage was made: the one at which the vehicle hovers.
+        voltage_lag: s, of the first order in which the voltage follows the current.
         flying: shape (n,): in the air, clear of floor and ceiling.
         motors_known: shape (n,): False where the motor commands were lost or made up.
         pose_known, inertial_known: shape (n,): likewise for pose, and for gyro and accelerometer.
@@ -60,6 +63,7 @@ class FlightRecord:
     pose_source: PoseSource = PoseSource.MOCAP
     ceiling_z: float | None = None
     voltage_measured: bool = True
+    voltage_lag: float = 0.0
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
@@ -96,6 +100,20 @@ class FlightRecord:
                 f"{self.source}: no battery voltage, and a command means no thrust without"
             )
         return self.voltage
+
+    def late_voltage(self, at_once: FloatArray) -> FloatArray:
+        """What the current does to the voltage, shape (n,), as it shows with the flight's lag.
+
+        Exact for a course that is straight between two samples, and settled at the first one.
+        """
+        if self.voltage_lag == 0.0:
+            return at_once
+        steps = self.dt / self.voltage_lag
+        keep = math.exp(-steps)
+        newest = 1.0 - (1.0 - keep) / steps
+        weights = [newest, 1.0 - keep - newest]
+        late, _ = lfilter(weights, [1.0, -keep], at_once, zi=[(1.0 - newest) * at_once[0]])
+        return np.asarray(late)
 
     def under(self, ceiling_z: float | None) -> "FlightRecord":
         """The flight below a ceiling at this height (m); None: nobody knows better than the record."""

@@ -29,6 +29,10 @@ SETTLING = 0.3
 """s after lost motor commands until the predicted thrust is right again: two time constants of a motor."""
 
 
+_LAGS = 4.0
+"""Lags of a voltage until 2 % are left of what nobody knows: the current before the first sample, or lost."""
+
+
 @dataclass(frozen=True)
 class Signals:
     """Signals of several flights, one below the other.
@@ -114,8 +118,17 @@ def _valid(record: FlightRecord) -> BoolArray:
     valid = np.zeros((record.t.size, len(CHANNELS)), dtype=np.bool_)
     valid[:, FORCE] = (rows & record.inertial_known)[:, None]
     valid[:-1, TORQUE] = (rows & record.inertial_known)[:-1, None] & record.inertial_known[1:, None]
-    valid[:, VOLTAGE] = rows
+    valid[:, VOLTAGE] = rows & _voltage_settled(record)
     return valid
+
+
+def _voltage_settled(record: FlightRecord) -> BoolArray:
+    """Rows at which a voltage that follows late has forgotten the current that is not known, shape (n,)."""
+    if record.voltage_lag == 0.0:
+        return np.ones(record.t.size, dtype=np.bool_)
+    known = record.motors_known.copy()
+    known[0] = False
+    return _after_loss(known, _LAGS * record.voltage_lag / record.dt)
 
 
 def _after_loss(known: BoolArray, samples: float) -> BoolArray:

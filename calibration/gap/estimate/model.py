@@ -145,7 +145,8 @@ class Model:
         predictions = self.along(records, p)
         plain = functools.reduce(Model.without, LIFT_ONLY, self)
         drawing = predictions if plain.effects == self.effects else plain.along(records, plain.parameters())
-        return stack_predictions(records, predictions, [terminal_voltage(p, one) for one in drawing])
+        voltages = [terminal_voltage(p, *pair) for pair in zip(records, drawing, strict=True)]
+        return stack_predictions(records, predictions, voltages)
 
     def motion(self, records: Sequence[FlightRecord], p: Any) -> FloatArray:
         """:meth:`predict` with nothing in the voltage, which takes half of its time or more."""
@@ -154,7 +155,8 @@ class Model:
     def voltage_for_lift(self, records: Sequence[FlightRecord]) -> FloatArray:
         """Battery voltage (V), shape (n,), of motors that draw for what they lift, :data:`LIFT_ONLY` too."""
         p = self.parameters()
-        return np.concatenate([terminal_voltage(p, one) for one in self.along(records, p)])
+        drawing = zip(records, self.along(records, p), strict=True)
+        return np.concatenate([terminal_voltage(p, *pair) for pair in drawing])
 
     def along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
         """What these :meth:`parameters` say along each flight."""
@@ -226,10 +228,11 @@ def kinds_that_tell(effects: Collection[str]) -> list[int]:
     return [_FORCES, _TORQUES, _VOLTAGES] if _BATTERY in effects else [_FORCES, _TORQUES]
 
 
-def terminal_voltage(p: Any, prediction: Prediction) -> FloatArray:
+def terminal_voltage(p: Any, record: FlightRecord, prediction: Prediction) -> FloatArray:
     """Battery voltage (V) by the vehicle's battery model, shape (n,), from full at the first sample."""
     fallen = p["open_circuit_slope"] * prediction.charge / p["battery_capacity"]
-    return np.asarray(p["open_circuit_full"] - fallen - p["battery_resistance"] * prediction.current)
+    dropped = p["battery_resistance"] * record.late_voltage(prediction.current)
+    return np.asarray(p["open_circuit_full"] - fallen - dropped)
 
 
 def stack_motion(records: Sequence[FlightRecord], predictions: Sequence[Prediction]) -> FloatArray:

@@ -42,6 +42,16 @@ def of_the_fit(found: Search, kept_back: Sequence[FlightRecord]) -> Iterator[str
         )
 
 
+def of_the_voltage(training: Training) -> Iterator[str]:
+    """A voltage that follows its current late."""
+    lag = max(record.voltage_lag for record in training.records)
+    if lag > 0.0:
+        yield (
+            f"the battery's voltage follows its current {lag:.2f} s late (a cell that polarises, or a filter "
+            "before the log), and was fitted so; no vehicle file says it"
+        )
+
+
 def of_small_terms(found: Search, sizeable: Sequence[FittedTerm]) -> Iterator[str]:
     """Terms without a name that are no gap: all but the `sizeable`."""
     small = [one.term for one in found.unnamed if one not in sizeable]
