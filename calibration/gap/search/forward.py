@@ -24,6 +24,7 @@ from calibration.gap.search.rivals import Rival
 from calibration.gap.search.screen import Promise, screen
 from calibration.gap.search.second_look import second_look
 from calibration.gap.search.selection import SearchContext, SelectionStep, TimeToGo
+from calibration.gap.search.shared_by_motors import scale_shared_by
 from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
 
 _FAR_OFF = 0.1
@@ -155,13 +156,10 @@ def _grow(grown: _Grown, context: SearchContext, refused: dict[str, str]) -> lis
         step, ahead = found.step, None
         refused |= found.refused
         doubted |= found.doubted
-        anything = grown.steps or grown.unnamed
-        scale = None if anything else _far_off(present, found.promises, context)
+        alone = not (grown.steps or grown.unnamed)
+        scale = _scale_first(present, found, context, _FAR_OFF if alone else None)
         if scale is not None:
-            ahead = _round(scale.after, context, {})
-            if _outdone(scale, step, ahead.step):
-                scale = ahead = None
-        step = step if scale is None else scale
+            step, ahead = scale
         context.progress("what has no name")
         other = None if scale is not None else best_term(present, context.training, context.rng)
         if other is not None and (step is None or step.judgement.gain < _HALF * other.gain):
@@ -178,14 +176,40 @@ def _grow(grown: _Grown, context: SearchContext, refused: dict[str, str]) -> lis
     return found.promises
 
 
-def _far_off(present: Fitted, promises: Sequence[Promise], context: SearchContext) -> SelectionStep | None:
-    """The error of scale that explains most, where it is far off; None where the scale is about right."""
+def _scale_first(
+    present: Fitted, found: _Round, context: SearchContext, far_off: float | None
+) -> tuple[SelectionStep, _Round] | None:
+    """An error of scale that comes before the best effect of a round, and the round after it; None where the
+    best effect stands.
+
+    Args:
+        present: the model before that round.
+        found: the round.
+        context: of the search.
+        far_off: error of scale beyond which it does so whatever the best effect is, unless it is outdone;
+            None: only where the best effect is four motors that share it.
+    """
+    step = found.step
+    scale = None if far_off is None else _error_of_scale(present, found.promises, context, far_off)
+    if scale is not None:
+        after = _round(scale.after, context, {})
+        return None if _outdone(scale, step, after.step) else (scale, after)
+    shared = None if step is None else scale_shared_by(step, present, context.training)
+    promises = [promise for promise in found.promises if promise.candidate.effect == shared]
+    scale = _error_of_scale(present, promises, context, 0.0)
+    return None if scale is None else (scale, _round(scale.after, context, {}))
+
+
+def _error_of_scale(
+    present: Fitted, promises: Sequence[Promise], context: SearchContext, least: float
+) -> SelectionStep | None:
+    """The error of scale that explains most, of those that are `least` or more; None where none does."""
     training, fits = context.training, []
     for promise in promises:
         effect, variables = promise.candidate.effect, promise.candidate.variables
         if effect in SCALES:
             fitted = refine(present.model, (*present.variables, *variables), training, start=present)
-            if abs(fitted.model.change(variables[0])) >= _FAR_OFF:
+            if abs(fitted.model.change(variables[0])) >= least:
                 judgement = judge(present, fitted, variables, training, context.rng)
                 fits.append(SelectionStep(effect, judgement, fitted))
     best = max(fits, key=lambda step: step.judgement.gain, default=None)
