@@ -46,7 +46,7 @@ _ONE_ROOM = 0.2  # m between what two drones of one room take for its ceiling, a
 
 
 @dataclass(frozen=True)
-class Flip:
+class FlipFit:
     """A flip without a ceiling, laid over the gyro.
 
     Attributes:
@@ -83,7 +83,7 @@ class PreparedLandings:
     """
 
     starts: tuple[TriggerStart, ...]
-    flips: tuple[Flip, ...]
+    flips: tuple[FlipFit, ...]
     ceilings: FloatArray
     dispersion: Dispersion
     draws: FloatArray
@@ -128,7 +128,7 @@ def prepare(
     )
 
 
-def _flip(start: TriggerStart, p: Any) -> Flip:
+def _flip(start: TriggerStart, p: Any) -> FlipFit:
     end = _UNSEEN_FLIP if start.contact is None else start.contact - start.contact_error
     trace = np.empty((1, round((end + 0.1) / SETTINGS.dt), COLUMNS))
     trace_flips(start.state.copy(), p, start.flip[None], SETTINGS, trace)
@@ -146,7 +146,7 @@ def _flip(start: TriggerStart, p: Any) -> Flip:
         below, ceiling, above = (highest(p, trace[0, row + k]) for k in (-1, 0, 1))
         climb = (above - below) / (2.0 * SETTINGS.dt)
     error = float(np.sqrt(np.mean((seen[:, 1] - model) ** 2))) if t.size else np.nan
-    return Flip(clock, float(slope[1]), float(slope[0]), error, missed, gained, ceiling, climb)
+    return FlipFit(clock, float(slope[1]), float(slope[0]), error, missed, gained, ceiling, climb)
 
 
 def _at(trace: FloatArray, t: FloatArray, axis: int = 1) -> FloatArray:
@@ -154,7 +154,7 @@ def _at(trace: FloatArray, t: FloatArray, axis: int = 1) -> FloatArray:
     return np.asarray(np.interp(t, SETTINGS.dt * np.arange(len(trace)), trace[:, OMEGA + axis]))
 
 
-def roll_errors(flips: Sequence[Flip]) -> FloatArray:
+def roll_errors(flips: Sequence[FlipFit]) -> FloatArray:
     """RMS (rad/s, (n, 2)) of the missed roll rate, and of what the others' roll per pitch leaves of it."""
     found = np.full((len(flips), 2), np.nan)
     shares = np.array([flip.roll for flip in flips])
