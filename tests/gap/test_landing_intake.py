@@ -41,6 +41,7 @@ def changed(flight: Flight, change: Callable[[np.ndarray], np.ndarray], *channel
     return replace(flight, data={**flight.data, **{name: change(flight.data[name]) for name in channels}})
 
 
+@pytest.mark.further
 def test_a_jolt_before_the_trigger_is_no_contact(day: list[Flight]) -> None:
     """A gust in the approach: the flip, whose time begins with the trigger, would have had less than none."""
     flight = day[3]
@@ -198,6 +199,7 @@ def test_flights_that_nobody_classified_are_told_where_to_say_it(
     assert "simulating" not in told, "it is refused before minutes of work"
 
 
+@pytest.mark.further
 def test_a_search_that_is_interrupted_leaves_the_forecast(
     day: list[Flight], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

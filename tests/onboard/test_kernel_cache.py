@@ -13,7 +13,6 @@ import pytest
 from onboard.kernel_cache import KEPT, PACKAGES, VARIABLE, compiling, kernel_sources, source_key
 from tests.conftest import REPOSITORY
 from tests.patience import PATIENCE_S
-from tests.tiers import some
 
 KERNEL = """\
 from onboard.jit import kept
@@ -148,8 +147,8 @@ def test_a_caller_on_disk_finds_what_it_calls_and_is_compiled_anew_with_it(proje
     assert runs == ["7.0 1 1", "7.0 0 0", "7.0 2 2", "7.0 0 0"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", some([".nbi", ".nbc"], 2))
+@pytest.mark.further
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
 def test_a_kernel_whose_file_is_damaged_is_compiled_anew(project: Path, suffix: str) -> None:
     (project / "onboard" / "pair.py").write_text(PAIR)
 

@@ -46,6 +46,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
 
 
+@pytest.mark.further
 def test_the_picture_comes_before_every_table(pages: dict[str, Path]) -> None:
     for title, path in pages.items():
         text = path.read_text()
