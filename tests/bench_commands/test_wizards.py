@@ -50,7 +50,6 @@ def inertia_run(true_file: Path, tmp_path_factory: pytest.TempPathFactory) -> In
         return InertiaRun(folder, kept, run_here(line), run_here(line))
 
 
-@pytest.mark.further
 def test_inertia_is_found_within_its_interval(inertia_run: InertiaRun, true_file: Path) -> None:
     said, true, believed = inertia_run.said, load_vehicle(true_file), load_vehicle(BELIEVED)
     found = said["vehicle"]["quantities"]["body.inertia_zz"]
@@ -64,7 +63,6 @@ def test_inertia_is_found_within_its_interval(inertia_run: InertiaRun, true_file
     assert report.count("<svg") >= 3
 
 
-@pytest.mark.further
 def test_a_killed_wizard_goes_on_where_it_was(inertia_run: InertiaRun) -> None:
     kept, after = inertia_run.kept, steps(inertia_run.folder)
     assert set(kept) >= {"weigh", "hang-z", "rest-z", "trial-z-1"}
@@ -72,13 +70,11 @@ def test_a_killed_wizard_goes_on_where_it_was(inertia_run: InertiaRun) -> None:
     assert len(load_calibration(inertia_run.folder).details["z"]["trials_s"]) == 4
 
 
-@pytest.mark.further
 def test_the_same_recordings_give_the_same_result(inertia_run: InertiaRun) -> None:
     assert inertia_run.fitted_again["vehicle"] == inertia_run.said["vehicle"]
     assert load_calibration(inertia_run.folder).parent == inertia_run.said["id"]
 
 
-@pytest.mark.further
 def test_a_calibration_is_applied_and_undone(
     inertia_run: InertiaRun, said: Said, tmp_path: Path, true_file: Path
 ) -> None:
