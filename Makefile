@@ -7,9 +7,9 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 # Flying and the bench's wizards wait for some of their time: three tests more than there are cores leave none idle.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 3)')
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+INSTALL := $(BIN)/python scripts/install.py
 # Two environments at a time would write the same files into this folder.
-OURS := flock pyproject.toml $(PIP) --no-deps --editable .
+OURS := flock pyproject.toml $(INSTALL) --no-deps --editable .
 # A file of tests is one process's, which makes what they share once; the longest come first (tests/tiers.py).
 PYTEST := $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
@@ -85,13 +85,13 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: requirements/demo.lock pyproject.toml | $(BIN)/python
-	$(PIP) --require-hashes --requirement requirements/demo.lock
+	$(INSTALL) --require-hashes --requirement requirements/demo.lock
 	$(OURS)
 	touch $@
 
 $(VENV)/.dev: requirements/dev.lock requirements/torch.lock pyproject.toml | $(BIN)/python
-	$(PIP) --no-compile --require-hashes --requirement requirements/dev.lock
-	$(PIP) --no-compile --requirement requirements/torch.lock
+	$(INSTALL) --require-hashes --requirement requirements/dev.lock
+	$(INSTALL) --requirement requirements/torch.lock
 	$(OURS)
 	touch $@ $(VENV)/.demo
 

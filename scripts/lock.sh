@@ -14,20 +14,26 @@ environment() {
   "$work/$1/bin/pip" install --quiet --disable-pip-version-check "${@:2}"
 }
 
+# Only pins go in, so that nothing is resolved here: it looks up the hashes.
+hashed() {
+  {
+    echo "$HEAD"
+    "$work/tools/bin/uv" pip compile --quiet --no-deps --no-header --no-annotate --no-emit-index-url \
+      --no-emit-find-links --generate-hashes --python "$work/$1/bin/python" "$work/$1.txt"
+  } > "$work/$1.lock"
+  mv "$work/$1.lock" "requirements/$1.lock"
+}
+
 pin() {
   local name=$1 extra=$2
   environment "$name" "${@:3}" ".[$extra]"
   "$work/$name/bin/pip" freeze --exclude perchhw --exclude pip --exclude setuptools --exclude torch > "$work/$name.txt"
-  {
-    echo "$HEAD"
-    # Only pins go in, so that nothing is resolved here: it looks up the hashes.
-    "$work/tools/bin/uv" pip compile --quiet --no-deps --no-header --no-annotate --no-emit-index-url \
-      --no-emit-find-links --generate-hashes --python "$work/$name/bin/python" "$work/$name.txt"
-  } > "$work/$name.lock"
-  mv "$work/$name.lock" "requirements/$name.lock"
+  hashed "$name"
 }
 
 environment tools uv
+"$work/tools/bin/pip" freeze > "$work/tools.txt"
+hashed tools
 pin demo view
 pin dev dev "$TORCH"
 printf '%s\n' "$HEAD" "# Without hashes: requirements/README.md says why." "$TORCH" > requirements/torch.lock
