@@ -91,6 +91,8 @@ def landings_command(
             with share_done("searching") as searched:
                 report = search_report(report, model, lambda share: searched(share, 1.0))
         except KeyboardInterrupt:
+            drawn = "" if out is None else f", once its page is drawn into {out} (Ctrl-C again: without it)"
+            say(progress_console(), f"stopping the search: what is known without it follows{drawn}")
             _give(report, model, out)
             say(progress_console(), "the search was not finished: this is what is known without it")
             raise
@@ -144,11 +146,11 @@ def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> Path:
     from onboard.room import RoomGeometry
     from sim_backend.physics.parameters import physics_parameters
 
-    page = landings_page(report, physics_parameters(vehicle, RoomGeometry()))
     found = report.search
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "landings.json").write_text(json.dumps(as_json(report), indent=1) + "\n", encoding="utf-8")
+        page = landings_page(report, physics_parameters(vehicle, RoomGeometry()))  # drawn for seconds
         (folder / "landings.html").write_text(page, encoding="utf-8")
         if found is not None and found.named:
             source = f"gap landings: outcomes of {len(report.real)} flights, seed {report.seed}"

@@ -4,23 +4,27 @@ import json
 import re
 import shutil
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calibration.flights import Flight, flight_files, open_flights
-from calibration.gap.landings.outcomes import PreparedLandings, lost_labels, prepare, read_labels
+from calibration.gap.landings.outcomes import PreparedLandings, lost_labels, prepare, read_labels, tables
 from calibration.gap.landings.outcomes.labels import LabelsFileError
+from calibration.gap.landings.outcomes.vehicles import WITHOUT, bare_parameters, shapes
 from onboard.outcome import Outcome
 from onboard.vehicle import load_vehicle
 from perchhw.cli.main import run
 from tests.gap.truth_landings.drone import Drone
 from tests.gap.truth_landings.judge import VEHICLE
 from tests.gap.truth_landings.outcomes import write_outcomes
+from tests.patience import PATIENCE_S, until
 
 
 @pytest.fixture(scope="module")
@@ -220,4 +224,36 @@ def test_a_search_that_is_interrupted_leaves_the_forecast(
     said = json.loads(told.out)
     assert len(said["flights"]) == 4
     assert json.loads((tmp_path / "out" / "landings.json").read_text()) == said
+    assert f"its page is drawn into {tmp_path / 'out'}" in " ".join(told.err.split())
     assert "the search was not finished" in told.err
+
+
+def test_who_interrupts_a_search_waits_for_no_landing_and_none_are_begun_afterwards(
+    day: list[Flight], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first vehicle is done, the second is at the first of two flights, and more are to come."""
+    ready, parameters = prepared(day[:2]), bare_parameters(load_vehicle(VEHICLE))
+    land, begun = tables.land, []
+    at_second, released = threading.Event(), threading.Event()
+
+    def held_at_the_second_vehicle(*given: Any) -> int:
+        begun.append(threading.current_thread())
+        if len(begun) > 2:
+            at_second.set()
+            released.wait(PATIENCE_S)
+        return int(land(*given))
+
+    def ctrl_c(share: float) -> None:
+        until(at_second.is_set)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tables, "WORKERS", 1)
+    monkeypatch.setattr(tables, "land", held_at_the_second_vehicle)
+    vehicles = [WITHOUT._replace(**shape) for shape in shapes(parameters) if "side_damping" in shape]
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            tables.tabulate(ready, parameters, vehicles, ctrl_c)
+    finally:
+        released.set()
+    begun[-1].join(PATIENCE_S)
+    assert len(begun) == 3

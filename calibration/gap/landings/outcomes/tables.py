@@ -7,8 +7,9 @@ touched.
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,9 @@ def tabulate(
 ) -> FloatArray:
     """Probabilities (points, flights, 3) of four legs, two, none.
 
+    Whoever interrupts it is not kept waiting: the landings in hand, a second of them, end on threads of their
+    own, and none are begun after them.
+
     Args:
         prepared: the flights. parameters: of the vehicle without these effects (:func:`..bare_parameters`).
         points: vehicles.
@@ -89,20 +93,30 @@ def tabulate(
     ladders = _ladders([one for parts in mixed for one in parts], laws)
     arrived = [_arrive(prepared, index, parameters) for index in range(len(prepared.starts))]
     families = _families(ladders)
+    over = Event()
+
+    def landed(one: _Arrived, family: Sequence[_Ladder], vehicles: Sequence[Any]) -> dict[Point, FloatArray]:
+        if over.is_set():
+            raise CancelledError
+        return _land_family(one, family, vehicles)
 
     def simulated(family: Sequence[_Ladder]) -> dict[Point, FloatArray]:
         vehicles = [
             np.array([with_point(parameters, one) for one in ladder.points], dtype=PARAMETERS)
             for ladder in family
         ]
-        flights = [_land_family(one, family, vehicles) for one in arrived]
+        flights = [landed(one, family, vehicles) for one in arrived]
         return {point: np.array([shares[point] for shares in flights]) for point in flights[0]}
 
     found: dict[Point, FloatArray] = {}
-    with ThreadPoolExecutor(WORKERS) as pool:
+    pool = ThreadPoolExecutor(WORKERS)
+    try:
         for index, shares in enumerate(pool.map(simulated, families)):
             found |= shares
             progress((index + 1) / len(families))
+    finally:
+        over.set()
+        pool.shutdown(wait=False, cancel_futures=True)
     return np.array([np.sum([share * found[one] for one, share in parts.items()], axis=0) for parts in mixed])
 
 
