@@ -9,7 +9,7 @@ and all of ours that these import in turn, for a kernel takes functions and cons
 without kernels do not look for it: the rule is applied where numba is imported.
 
 In the place of a folder that cannot be written numba would take one beside the source, and go by time stamps
-again: the process and those that it starts get a folder of their own then, for as long as it runs.
+again: the process and those that it starts get a folder of their own then, for as long as they run.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import IO
 
-from onboard.user_cache import cache_for_compiled, user_cache
+from onboard.user_cache import cache_for_compiled, keep_for_now, user_cache
 
 try:
     import fcntl
@@ -134,6 +134,7 @@ def source_key(root: Path) -> str:
 def use_cache_of_this_source() -> None:
     """Point numba to the folder of the present source, unless ``NUMBA_CACHE_DIR`` is set already."""
     if VARIABLE in os.environ:
+        keep_for_now(Path(os.environ[VARIABLE]))
         return
     parent = user_cache()
     name = f"kernels-{_key_of_this_source()}"

@@ -1,4 +1,9 @@
-"""Where this user's files are that can be made again."""
+"""Where this user's files are that can be made again, and where they are for now if that cannot be written.
+
+A folder for now goes with the last process that uses it. Each of them holds a shared lock on it, which the
+system lets go of however the process ends; who gets the folder for itself alone may take it away. A process
+that was killed cannot do so: the next one that compiles does.
+"""
 
 import atexit
 import logging
@@ -9,7 +14,15 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+try:
+    import fcntl
+except ImportError:  # Windows: what a killed process leaves behind stays
+    fcntl = None  # type: ignore[assignment]
+
 _log = logging.getLogger(__name__)
+
+_FOR_NOW = "perchhw-for-now-"
+"""How names of such folders begin; those of earlier versions, without locks, began otherwise."""
 
 
 def user_cache() -> Path:
@@ -19,13 +32,14 @@ def user_cache() -> Path:
 
 def cache_for_compiled(name: str) -> Path:
     """The folder `name` of the cache, made; where it cannot be written, a new one with what it holds, for as
-    long as this process runs.
+    long as this process runs and those that use it, too (:func:`keep_for_now`).
     """
     return _writable(user_cache() / name)
 
 
 @cache
 def _writable(folder: Path) -> Path:
+    _clear_what_was_left()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()  # as numba asks, which goes elsewhere by itself
@@ -38,8 +52,55 @@ def _writable(folder: Path) -> Path:
         )
     else:
         return folder
-    passing = Path(tempfile.mkdtemp(prefix="perchhw-compiled-"))
-    atexit.register(shutil.rmtree, passing, ignore_errors=True)
+    for_now = _new_for_now()
     with suppress(OSError):  # of which shutil's are
-        shutil.copytree(folder, passing, dirs_exist_ok=True)
-    return passing
+        shutil.copytree(folder, for_now, dirs_exist_ok=True)
+    for inside, _, _ in os.walk(for_now):
+        Path(inside).chmod(0o700)  # a folder that is read-only was copied as one
+    return for_now
+
+
+@cache
+def keep_for_now(folder: Path) -> None:
+    """Use a folder for now, as a process that got it from the one that started it: it stays until this one
+    ends, too. Any other folder stays anyway.
+    """
+    if fcntl is None or not folder.name.startswith(_FOR_NOW):
+        return
+    with suppress(OSError):  # who has no room for a folder keeps nothing
+        while True:
+            folder.mkdir(mode=0o700, exist_ok=True)
+            handle = os.open(folder, os.O_RDONLY)
+            fcntl.flock(handle, fcntl.LOCK_SH)  # waits for who is just taking it away, and was first
+            if folder.is_dir() and os.path.samestat(folder.stat(), os.fstat(handle)):
+                atexit.register(_clear, folder, handle)
+                return
+            os.close(handle)
+
+
+def _new_for_now() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix=_FOR_NOW))
+    if fcntl is None:
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    keep_for_now(folder)
+    return folder
+
+
+def _clear_what_was_left() -> None:
+    """Take away the folders that processes of this user left when they were killed."""
+    if fcntl is None:
+        return
+    with suppress(OSError):
+        for folder in Path(tempfile.gettempdir()).glob(f"{_FOR_NOW}*"):
+            with suppress(OSError):
+                handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+                if os.fstat(handle).st_uid == os.getuid():
+                    _clear(folder, handle)
+                os.close(handle)
+
+
+def _clear(folder: Path, handle: int) -> None:
+    """Take a folder away unless another process uses it; `handle` is open on it."""
+    with suppress(OSError):
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,10 +1,17 @@
 """Where what is compiled is kept, and where the cache does not take it."""
 
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from onboard.user_cache import cache_for_compiled
+from tests.conftest import REPOSITORY
+from tests.patience import until
 
 UNWRITABLE = Path("/proc/sys/kernel/random")
 """A folder that takes no file, whoever asks."""
@@ -18,7 +25,88 @@ def test_what_a_read_only_cache_holds_is_used_from_a_folder_that_can_be_written(
     (tmp_path / "perchhw" / "kernels").symlink_to(UNWRITABLE)
     folder = cache_for_compiled("kernels")
     assert (folder / "boot_id").read_bytes()
+    assert folder.stat().st_mode & 0o777 == 0o700, "though it was copied from one that is read-only"
     (folder / "new").touch()
     assert cache_for_compiled("kernels") == folder
     (told,) = caplog.messages
     assert told.startswith(f"{tmp_path}/perchhw/kernels cannot be written")
+
+
+USES_A_CACHE_FOR_NOW = """\
+import sys
+from onboard.user_cache import cache_for_compiled
+print(cache_for_compiled("kernels"), flush=True)
+sys.stdin.read()
+"""
+STARTS_ANOTHER = """\
+import os, subprocess, sys
+from onboard.user_cache import cache_for_compiled
+folder = str(cache_for_compiled("kernels"))
+code = "import os, sys; from onboard.kernel_cache import use_cache_of_this_source as use\\n"
+code += "use(); print(os.environ['NUMBA_CACHE_DIR'], flush=True); sys.stdin.read()"
+subprocess.run([sys.executable, "-c", code], env={**os.environ, "NUMBA_CACHE_DIR": folder})
+"""
+
+
+class Starts:
+    """Processes whose cache cannot be written, each with a folder for now in `folder`."""
+
+    def __init__(self, tmp_path: Path, stack: ExitStack) -> None:
+        self.folder, self._stack = tmp_path / "tmp", stack
+        self.folder.mkdir()
+        (tmp_path / "perchhw").mkdir()
+        (tmp_path / "perchhw" / "kernels").symlink_to(UNWRITABLE)
+        gone = {"NUMBA_CACHE_DIR"}
+        self._environment = {name: value for name, value in os.environ.items() if name not in gone}
+        self._environment |= {"XDG_CACHE_HOME": str(tmp_path), "TMPDIR": str(self.folder)}
+
+    def process(self, code: str) -> tuple[subprocess.Popen[str], str]:
+        """One that runs until its input ends, and its first line."""
+        begun = subprocess.Popen(
+            [sys.executable, "-c", code],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=self._environment,
+            cwd=REPOSITORY,
+        )
+        self._stack.enter_context(begun)
+        self._stack.callback(begun.kill)
+        assert begun.stdout is not None
+        return begun, begun.stdout.readline().strip()
+
+    def left(self) -> set[Path]:
+        """Folders for now that are there once another process has come and gone."""
+        another, folder = self.process(USES_A_CACHE_FOR_NOW)
+        assert Path(folder).is_dir()
+        another.communicate()
+        assert another.returncode == 0
+        assert not Path(folder).exists()
+        return set(self.folder.iterdir())
+
+
+@pytest.fixture
+def starts(tmp_path: Path) -> Iterator[Starts]:
+    with ExitStack() as stack:
+        yield Starts(tmp_path, stack)
+
+
+def test_what_a_killed_process_left_goes_with_the_next_start_and_a_living_ones_stays(starts: Starts) -> None:
+    living, its = starts.process(USES_A_CACHE_FOR_NOW)
+    killed, left = starts.process(USES_A_CACHE_FOR_NOW)
+    killed.kill()
+    killed.wait()
+    assert Path(left).is_dir()
+    assert starts.left() == {Path(its)}
+    living.communicate()
+    assert starts.left() == set()
+
+
+def test_what_a_killed_process_left_stays_while_one_that_it_started_uses_it(starts: Starts) -> None:
+    killed, folder = starts.process(STARTS_ANOTHER)
+    killed.kill()
+    killed.wait()
+    assert starts.left() == {Path(folder)}
+    assert killed.stdin is not None
+    killed.stdin.close()  # by which the child ends, and takes it away
+    until(lambda: not Path(folder).exists())
