@@ -229,8 +229,11 @@ def _key_of_this_source() -> str:
         with suppress(OSError):  # without a note the source is read each time
             note.parent.mkdir(parents=True, exist_ok=True)
             draft = note.with_suffix(f".{os.getpid()}")
-            draft.write_text(f"{state} {key}\n")
-            draft.replace(note)
+            try:
+                draft.write_text(f"{state} {key}\n")
+                draft.replace(note)
+            finally:
+                draft.unlink(missing_ok=True)  # of a disk that is full
     return key
 
 

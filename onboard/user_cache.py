@@ -6,6 +6,7 @@ that was killed cannot do so: the next one that compiles does.
 """
 
 import atexit
+import errno
 import logging
 import os
 import shutil
@@ -19,10 +20,21 @@ try:
 except ImportError:  # Windows: what a killed process leaves behind stays
     fcntl = None  # type: ignore[assignment]
 
+from onboard.errors import InputError, OnboardError
+
 _log = logging.getLogger(__name__)
 
 _FOR_NOW = "perchhw-for-now-"
 """How names of such folders begin; those of earlier versions, without locks, began otherwise."""
+
+_ROOM = 1 << 20
+"""Bytes: the drone's code in C with what its compiler writes beside it, or the largest of the kernels."""
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class NoCache(OnboardError, InputError):
+    """Nothing can be written where compiled code could be; the message says what to name."""
 
 
 def user_cache() -> Path:
@@ -32,7 +44,11 @@ def user_cache() -> Path:
 
 def cache_for_compiled(name: str) -> Path:
     """The folder `name` of the cache, made; where it cannot be written, a new one with what it holds, for as
-    long as this process runs and those that use it, too (:func:`keep_for_now`).
+    long as this process runs and those that use it, too (:func:`keep_for_now`). Where both disks are full it
+    is the cache still: what it holds is used, and what it lacks is compiled anew.
+
+    Raises:
+        NoCache: neither can be written.
     """
     return _writable(user_cache() / name)
 
@@ -42,21 +58,45 @@ def _writable(folder: Path) -> Path:
     _clear_what_was_left()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()  # as numba asks, which goes elsewhere by itself
+        _try_to_write(folder)
     except OSError as problem:
-        _log.error(
-            "%s cannot be written (%s): what is compiled is not kept, which costs every start its time; name "
-            "another folder by XDG_CACHE_HOME",
-            folder,
-            problem.strerror,
-        )
+        reason, full = problem.strerror, problem.errno in _FULL
     else:
         return folder
-    for_now = _new_for_now()
-    with suppress(OSError):  # of which shutil's are
-        shutil.copytree(folder, for_now, dirs_exist_ok=True)
-    for inside, _, _ in os.walk(for_now):
-        Path(inside).chmod(0o700)  # a folder that is read-only was copied as one
+    for_now = _copied_for_now(folder)
+    if for_now is None and not (full and folder.is_dir()):
+        raise NoCache(
+            f"neither {folder} ({reason}) nor the folder of temporary files can be written, and what is "
+            "compiled must be put somewhere: name folders that can by XDG_CACHE_HOME and TMPDIR"
+        )
+    _log.error(
+        "%s cannot be written (%s): what is compiled is not kept, which costs every start its time; %sname "
+        "another folder by XDG_CACHE_HOME",
+        folder,
+        reason,
+        "make room there, or " if full else "",
+    )
+    return for_now or folder
+
+
+def _try_to_write(folder: Path) -> None:
+    """As numba asks, which goes elsewhere by itself; a full disk takes a file, but nothing into it."""
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(bytes(_ROOM))
+        file.flush()
+
+
+def _copied_for_now(folder: Path) -> Path | None:
+    """A folder for now with what `folder` holds; None where nothing can be written either."""
+    try:
+        for_now = _new_for_now()
+        with suppress(OSError):  # of which shutil's are
+            shutil.copytree(folder, for_now, dirs_exist_ok=True)
+        for inside, _, _ in os.walk(for_now):
+            Path(inside).chmod(0o700)  # a folder that is read-only was copied as one
+        _try_to_write(for_now)
+    except OSError:
+        return None
     return for_now
 
 

@@ -4,7 +4,9 @@ A library is named after the sources, the flags and the compiler that it comes f
 them compiles anew, once.
 """
 
+import errno
 import hashlib
+import os
 import shutil
 import subprocess
 import tempfile
@@ -103,7 +105,13 @@ def _compile(compiler: str, flags: Sequence[str], library: Path) -> None:
         made = Path(folder, library.name)
         sources = [str(path) for path in c_files() if path.suffix == ".c"]
         command = [compiler, *flags, "-fPIC", "-shared", *sources, "-lm", "-o", str(made)]
-        said = subprocess.run(command, capture_output=True, text=True, check=False)
+        english = {**os.environ, "LC_ALL": "C"}
+        said = subprocess.run(command, capture_output=True, text=True, check=False, env=english)
+        if os.strerror(errno.ENOSPC) in said.stderr:
+            raise CompilationFailed(
+                f"the disk is full on which the drone's code in C is compiled: make room in {library.parent} "
+                f"and {tempfile.gettempdir()}, or take --engine reference"
+            )
         if said.returncode != 0:
             raise CompilationFailed(
                 f"the drone's code in C does not compile with {compiler}; take --engine reference, and "

@@ -1,6 +1,7 @@
 """Where what is compiled is kept, and where the cache does not take it."""
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from onboard.firmware.compiler import find_compiler
 from onboard.user_cache import cache_for_compiled
 from tests.conftest import REPOSITORY
 from tests.patience import until
@@ -110,3 +112,54 @@ def test_what_a_killed_process_left_stays_while_one_that_it_started_uses_it(star
     assert killed.stdin is not None
     killed.stdin.close()  # by which the child ends, and takes it away
     until(lambda: not Path(folder).exists())
+
+
+ON_A_FULL_DISK = """\
+mount -t tmpfs -o size=64k none "$XDG_CACHE_HOME" || exit
+head -c 65536 /dev/zero >"$XDG_CACHE_HOME/fill"
+exec "$0" -c 'from onboard.firmware.compiler import compiled_library
+print(compiled_library(["-O0"]).is_file())
+from onboard.kernel_cache import use_cache_of_this_source
+use_cache_of_this_source()'
+"""
+
+
+@pytest.mark.skipif(None in (find_compiler(), shutil.which("unshare")), reason="no C compiler, or no unshare")
+def test_on_a_full_disk_compiled_code_is_kept_for_now_among_temporary_files(tmp_path: Path) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    ended = subprocess.run(
+        ["unshare", "--map-root-user", "--mount", "sh", "-c", ON_A_FULL_DISK, sys.executable],
+        env=environment | {"XDG_CACHE_HOME": str(tmp_path)},
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if ended.stderr.startswith(("unshare: ", "mount: ")):
+        pytest.skip(f"no file system can be mounted here: {ended.stderr}")
+    assert ended.stdout == "True\n", ended.stderr
+    for line, folder in zip(ended.stderr.splitlines()[-2:], ("core", "kernels"), strict=True):
+        assert line.startswith(f"{tmp_path}/perchhw/{folder}")
+        assert "cannot be written (No space left on device)" in line
+        assert "make room there, or name another folder by XDG_CACHE_HOME" in line
+
+
+WHERE_NOTHING_CAN_BE_WRITTEN = """\
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+from onboard.user_cache import NoCache, cache_for_compiled
+print(cache_for_compiled("full"))
+try:
+    cache_for_compiled("kernels")
+except NoCache as told:
+    print(told)
+"""
+
+
+def test_where_temporary_files_have_no_room_either_a_full_cache_is_used_and_a_read_only_one_refused(
+    starts: Starts,
+) -> None:
+    ended, folder = starts.process(WHERE_NOTHING_CAN_BE_WRITTEN)
+    assert Path(folder).name == "full", "what is in there is of use"
+    assert ended.stdout is not None
+    assert "XDG_CACHE_HOME and TMPDIR" in ended.stdout.read()
