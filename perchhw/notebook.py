@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from onboard.linear_algebra import on_one_thread
 from onboard.policy.files import Policy, find_policy
 from onboard.policy.files import load_policy as read_policy
 
@@ -72,6 +73,7 @@ def simulate_approach(
     return example_flight(policy, setup, condition)
 
 
+@on_one_thread()
 def sweep(
     folder: str | Path,
     speeds: Iterable[float],
@@ -104,6 +106,7 @@ def sweep(
     return run_sweep(setup or LearningSetup(), grid, Path(folder), resume=resume)
 
 
+@on_one_thread()
 def train(
     folder: str | Path, *, name: str = "trained", landing_rate_min: float = 0.8, seed: int = 0
 ) -> Policy:
@@ -169,6 +172,7 @@ def fly(
         discard_if_empty(request.folder)
 
 
+@on_one_thread()
 def fly_campaign(
     lab: "SimulatedLab | str | Path",
     file: str | Path,

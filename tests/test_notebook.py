@@ -2,17 +2,22 @@
 
 import ast
 import doctest
+import os
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import perchhw
 import perchhw.notebook
 from calibration.flights import FlightFileError
 from calibration.gap.find import NothingToFindError
+from onboard.errors import PerchhwError
 from onboard.link.stop_drone import stop_drone
 from perchhw.lab_process import LabNotReady
 from perchhw.learning.errors import LearningInputError
@@ -113,3 +118,50 @@ def test_importing_perchhw_imports_nothing_heavy() -> None:
     code = "import perchhw, sys; sys.exit(str({'numpy', 'numba', 'cflib', 'torch'} & set(sys.modules) or ''))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == ""
+
+
+class ThreadsSeen(os.PathLike[str]):
+    """Flights, speeds or a path: notes how many threads the linear algebra has where somebody looks."""
+
+    def __init__(self) -> None:
+        self.threads: set[int] = set()
+
+    def __fspath__(self) -> str:
+        self.threads = {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+        return "/there/is/no/such/file"
+
+    def __iter__(self) -> Iterator[Any]:
+        self.__fspath__()
+        return iter(())
+
+
+@pytest.mark.parametrize(
+    "fit",
+    [
+        lambda seen: perchhw.find_gap(seen, perchhw.load_vehicle("crazyflie21-upgraded")),
+        lambda seen: perchhw.sweep("/there/is/no", seen, [50.0]),
+        perchhw.train,
+        lambda seen: perchhw.fly_campaign("lab.toml", seen, "folder", confirm=print),
+    ],
+    ids=["find_gap", "sweep", "train", "fly_campaign"],
+)
+def test_functions_that_fit_have_one_thread_of_linear_algebra(fit: Callable[[ThreadsSeen], object]) -> None:
+    seen = ThreadsSeen()
+    with threadpool_limits(limits=3, user_api="blas"):
+        with pytest.raises(PerchhwError):
+            fit(seen)
+        assert seen.threads == {1}
+        assert {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"} == {3}
+
+
+def test_a_library_of_linear_algebra_that_is_loaded_late_has_one_thread_too() -> None:
+    code = """if True:
+        import numpy, threadpoolctl
+        from onboard.linear_algebra import on_one_thread
+        with on_one_thread():
+            import scipy.linalg
+            told = threadpoolctl.threadpool_info()
+        print({one["num_threads"] for one in told})"""
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "3"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=environment, check=True)
+    assert done.stdout == b"{1}\n"

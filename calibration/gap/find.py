@@ -7,7 +7,6 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from calibration.errors import CalibrationError
 from calibration.flights import Flight
@@ -55,6 +54,7 @@ from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensin
 from calibration.gap.unnamed.fitted_terms import FittedTerm, residual_map, with_consequence
 from calibration.gap.unnamed.gap_map import GapMap
 from onboard.errors import InputError
+from onboard.linear_algebra import on_one_thread
 from onboard.vehicle import Vehicle
 
 
@@ -93,19 +93,6 @@ class GapQuestion:
     seed: int = 0
     ceiling_z: float | None = None
     unusable: Sequence[NotUsed] = field(default=())
-
-
-def find_gap(
-    flights: Sequence[Flight], question: GapQuestion, progress: Progress = lambda _: None
-) -> GapResult:
-    """Find what a vehicle file lacks; flights with a trigger are looked at for their landings, too.
-
-    Raises:
-        NothingToFindError: not one flight can be used.
-    """
-    # Small matrices, and flights in parallel already: threads of the linear algebra would only spin.
-    with threadpool_limits(limits=1, user_api="blas"):
-        return _find(flights, question, progress)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +137,15 @@ class _Examined:
         return self.landings.findings if self.landings else ()
 
 
-def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) -> GapResult:
+@on_one_thread()  # flights are in parallel already
+def find_gap(
+    flights: Sequence[Flight], question: GapQuestion, progress: Progress = lambda _: None
+) -> GapResult:
+    """Find what a vehicle file lacks; flights with a trigger are looked at for their landings, too.
+
+    Raises:
+        NothingToFindError: not one flight can be used.
+    """
     # Names and order of the files decide nothing.
     flights = sorted(distinctly_named(flights), key=content_hash)
     flown = _flown(flights, question, progress)
