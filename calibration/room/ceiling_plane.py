@@ -74,11 +74,11 @@ def ceiling_plane(touches: FloatArray, radius: float, radius_sigma: float = 0.0)
     coefficients = spread @ rows.T @ touches[:, 2]
     residuals = touches[:, 2] - rows @ coefficients
     freedom = len(touches) - 3
-    worst = int(np.abs(residuals).argmax())
-    if abs(residuals[worst]) > OFF_PLANE_M:
+    worst = float(np.abs(residuals).max())
+    if worst > OFF_PLANE_M:
         raise GeometryRefused(
-            f"touch {worst + 1} is {1e3 * residuals[worst]:+.1f} mm off the plane of all: is it flat there, "
-            "and did the marker touch it? Touch again"
+            f"touches are up to {1e3 * worst:.1f} mm off the plane of all: is the ceiling "
+            "flat, and did the marker touch it each time? Touch again"
         )
     scatter = max(TOUCH_M, float(np.sqrt((residuals**2).sum() / freedom)))
     covariance = scatter**2 * spread

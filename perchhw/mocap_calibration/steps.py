@@ -1,8 +1,9 @@
 """The steps of the calibration, each kept in the run's book once it is done."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from calibration.bench.procedures.operator import StepAgain, StepBack, StepSkipped, Task
 from calibration.bench.procedures.run_book import RunBook
 from calibration.errors import CalibrationError
-from calibration.room.ceiling_plane import TOUCHES
 from calibration.room.errors import GeometryRefused
 from calibration.room.marker_body import HEADINGS_APART_DEG, Rest, rests_apart_deg
 from onboard.arrays import FloatArray
@@ -22,14 +22,15 @@ from onboard.lab_time import open_timebase
 from perchhw.flight.turnaround import Confirm, Turnaround
 from perchhw.hover_check.check import fly_check
 from perchhw.lab.setup import FlightSetup
+from perchhw.mocap_calibration.touches import MOST_TOUCHES, touches_of_one_plane
 from perchhw.mocap_calibration.watch import SubjectWatch
 from perchhw.screen.display import Display
 
 RESTS = ("rest_1", "rest_2")
 _TITLES = dict(zip(RESTS, ("The drone rests", "The drone rests, turned round"), strict=True))
-TOUCH_STEPS = tuple(f"touch_{number}" for number in range(1, TOUCHES + 1))
+TOUCH_STEPS = tuple(f"touch_{number}" for number in range(1, MOST_TOUCHES + 1))
 FLIGHT = "flight"
-"""Names of the steps in the book."""
+"""Names of the steps in the book; the last touch is made where the others are not on one plane."""
 TOUCHES_APART_M = 0.3
 """m between two touches, for the program to see that it is another."""
 FLIGHT_S = 5.0
@@ -67,7 +68,7 @@ class Survey:
     within: float
 
     def places(self) -> tuple[Rest, Rest, FloatArray]:
-        """Two rests of the drone and the touches of the wand, (4, 3) in m.
+        """Two rests of the drone and the touches of the wand, (4, 3) in m, or (5, 3) where four disagreed.
 
         Raises:
             GeometryRefused: a step was not done within its time.
@@ -95,10 +96,12 @@ class Survey:
                     first,
                 )
             with SubjectWatch(with_subject(self.setup.mocap, self.wand), time) as wand:
-                touches: list[FloatArray] = []
-                for number in range(1, TOUCHES + 1):
-                    touches.append(self._touch(wand, number, touches))
-        return first, second, np.array(touches)
+                touches = touches_of_one_plane(
+                    partial(self._touch, wand),
+                    self.book.operator.warn,
+                    goes_on=TOUCH_STEPS[-1] in self.book.steps,
+                )
+        return first, second, touches
 
     def flight(self, setup: FlightSetup, out: Path, confirm: Confirm, display: Display) -> Path:
         """A hover with small quick tilts, with `setup` of what the rests said; gives its record.
@@ -140,24 +143,27 @@ class Survey:
             self.book.operator.warn("No step can be left out: all of them are needed.")
             raise StepAgain("it is needed") from skipped
 
-    def _touch(self, watch: SubjectWatch, number: int, before: list[FloatArray]) -> FloatArray:
+    def _touch(
+        self, watch: SubjectWatch, number: int, others: Sequence[FloatArray], where: str, anew: bool = False
+    ) -> FloatArray:
         def refuse(rest: Rest) -> str | None:
-            nearest = min((float(np.linalg.norm(rest.position - one)) for one in before), default=np.inf)
+            nearest = min((float(np.linalg.norm(rest.position - one)) for one in others), default=np.inf)
             if nearest >= TOUCHES_APART_M:
                 return None
-            return f"the wand is {100.0 * nearest:.0f} cm from an earlier touch; touch {number} of {TOUCHES}"
+            return f"the wand is {100.0 * nearest:.0f} cm from another touch; touch {number}: {where}"
 
         request = (
-            f"Touch the ceiling with the marker of {self.wand}, point {number} of {TOUCHES}: corners of a "
-            "large rectangle; hold still for 2 s"
+            f"Touch the ceiling with the marker of {self.wand}, point {number}: {where}; hold still for 2 s"
         )
 
         def work() -> dict[str, Any]:
             self._ask(Task("touch", request))
             return _kept(watch.rest(self.within, refuse))
 
-        title = f"Touch {number} of {TOUCHES}"
-        return _rest_of(self.book.step(TOUCH_STEPS[number - 1], title, work)).position
+        key = TOUCH_STEPS[number - 1]
+        if anew:
+            self.book.forget(key)
+        return _rest_of(self.book.step(key, f"Touch {number}", work)).position
 
 
 def _kept(rest: Rest) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """Rooms drawn at random: what is found is within its uncertainty; bad geometry is refused with what to do."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +20,11 @@ from calibration.room.marker_body import (
     joined_with_flight,
     rests_apart_deg,
 )
+from calibration.room.stray_touch import FALSE_ALARM, stray_touch
 from calibration.room.trigger_error import trigger_error
 from onboard.arrays import FloatArray
 from onboard.json_file import as_json
+from perchhw.mocap_calibration.touches import touches_of_one_plane
 
 STANDING = Standing(height=0.045, height_sigma=1.5e-3)
 DRAWS = 200
@@ -175,3 +179,91 @@ def test_centimetres_are_milliseconds_at_the_trigger() -> None:
     assert error.tau == pytest.approx(0.005)
     assert as_json(error)["u95_ceiling_s"] == pytest.approx(1.96 * 0.004)
     assert trigger_error(2.5, 30.0, 0.01, 0.0, 0.0).tau == pytest.approx(0.008)
+
+
+CORNERS = np.array([[-1.0, -0.6], [-1.0, 0.6], [0.8, 0.6], [0.8, -0.6]])
+BESIDE = np.array([[-0.1, 0.3]])
+
+
+def touched(seed: int, places: FloatArray) -> FloatArray:
+    """Places of a ceiling that is not level, by a hand as steady as it is taken to be."""
+    return touches(np.random.default_rng((3, seed)), np.array([2.1, 0.01, -0.02]), places, 0.007)
+
+
+def test_of_plane_ceilings_one_in_a_hundred_has_a_stray_touch() -> None:
+    for places in (CORNERS, np.vstack([CORNERS, BESIDE])):
+        alarms = sum(stray_touch(touched(seed, places)) is not None for seed in range(2000))
+        assert 0.5 * FALSE_ALARM < alarms / 2000 < 1.7 * FALSE_ALARM
+
+
+def test_four_touches_say_by_how_much_one_is_off_and_not_which() -> None:
+    low = touched(1, CORNERS)
+    low[1, 2] -= 9e-3
+    stray = stray_touch(low)
+    assert stray is not None
+    assert sorted(stray.numbers) == [1, 2, 3, 4]
+    assert abs(stray.off) == pytest.approx(9e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("number", range(1, 6))
+def test_of_five_touches_the_one_that_is_off_is_named(number: int) -> None:
+    held, named = 0, 0
+    for seed in range(50):
+        low = touched(seed, np.vstack([CORNERS, BESIDE]))
+        low[number - 1, 2] -= 9e-3
+        stray = stray_touch(low)
+        assert stray is not None
+        held += number in stray.numbers and len(stray.numbers) <= 3
+        named += stray.numbers == (number,)
+        assert stray.numbers != (number,) or stray.off == pytest.approx(-9e-3, abs=4e-3)
+    assert held >= 47
+    assert named >= 10
+
+
+def test_of_several_touches_that_are_off_none_is_named() -> None:
+    uneven = touched(1, np.vstack([CORNERS, BESIDE]))
+    uneven[:, 2] += [8e-3, 0.0, 0.0, -8e-3, -8e-3]
+    stray = stray_touch(uneven)
+    assert stray is not None
+    assert stray.numbers == ()
+
+
+def wizard(first: FloatArray, again: FloatArray) -> tuple[FloatArray, list[int], list[str]]:
+    """The touches that the wizard takes, the numbers that it asks for, and what it says: of places that are
+    touched first, and of those where it is touched anew."""
+    asked: list[int] = []
+    said: list[str] = []
+
+    def touch(number: int, others: Sequence[FloatArray], where: str, anew: bool = False) -> FloatArray:
+        asked.append(number)
+        return np.array((again if anew else first)[number - 1])
+
+    return touches_of_one_plane(touch, said.append, goes_on=False), asked, said
+
+
+def test_the_wizard_takes_four_touches_and_has_one_that_is_off_made_again() -> None:
+    five = touched(1, np.vstack([CORNERS, BESIDE]))
+    taken, asked, said = wizard(five, five)
+    assert (len(taken), asked, said) == (4, [1, 2, 3, 4], [])
+    low = five.copy()
+    low[3, 2] -= 20e-3
+    taken, asked, said = wizard(low, five)
+    assert asked == [1, 2, 3, 4, 5, 4]
+    assert taken == pytest.approx(five)
+    assert "off the plane of the others: touch a point more, half way from the middle" in said[0]
+    assert re.fullmatch(r"touch 4 is [12]\d\.\d mm off the plane of the others: touch there again", said[1])
+    assert len(said) == 2
+    taken, asked, said = wizard(low, low)
+    assert asked == [1, 2, 3, 4, 5, 4]
+    assert "touch 4 is" in said[2]
+    assert "is the ceiling flat there?" in said[2]
+
+
+def test_where_touches_leave_it_open_which_is_off_the_wizard_has_each_of_these_made_again() -> None:
+    five = touched(1, np.vstack([CORNERS, BESIDE]))
+    low = five.copy()
+    low[3, 2] -= 9e-3
+    taken, asked, said = wizard(low, five)
+    assert sorted(asked[5:]) == [2, 4]
+    assert taken == pytest.approx(five)
+    assert said[1].startswith("touch 2 or 4 is")
