@@ -15,6 +15,8 @@ from onboard.timebase import Timebase
 
 REST_S = 2.0
 _LOOK_S = 0.1
+_LONGEST_LOOK_S = 0.5
+"""Of a longer one this much counts as waited: the process was suspended (Ctrl-Z), and nobody looked."""
 _KEPT = 4000
 
 
@@ -40,17 +42,20 @@ class SubjectWatch(Closing):
         """The next 2 s in which the subject rests, in a place that is not refused.
 
         Args:
-            within: s to wait.
+            within: s to wait, but for those in which this process is suspended.
             refuse: why a rest is not the one that is waited for, or None.
 
         Raises:
             GeometryRefused: none came; the message has what was seen last.
         """
-        begin = self._time()
+        begin = looked = self._time()
+        waited = 0.0
         problem = f"no good pose of {self._uri}"
-        while self._time() - begin < within:
+        while waited < within:
             self._time.event().wait(_LOOK_S)
             now = self._time()
+            waited += min(now - looked, _LONGEST_LOOK_S)
+            looked = now
             recent = [s for s in list(self._samples) if s.receipt_time >= max(begin, now - REST_S)]
             if not recent or now - begin < REST_S or recent[0].receipt_time > now - REST_S + 0.2:
                 continue
