@@ -6,7 +6,7 @@ of them the logs could tell apart: a difference below that of a few milliseconds
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,19 +24,31 @@ _LEAST_SAMPLES = 7
 _COMMAND_ROW = 0.03  # s: commands this close to the trigger may still be those of the approach
 
 
-VARIANTS: Mapping[str, Mapping[str, float]] = {
-    "as filed": {},
-    "spin-down 7 % slower": {"down": 0.16 / 0.15},
-    "spin-up 20 %, spin-down 7 % slower": {"up": 1.2, "down": 0.16 / 0.15},
-    "spin-down as quick as spin-up": {"down": 1.0 / 3.0},
-    "no motor lag": {"up": 1e-2, "down": 1e-2},
-    "pitch inertia 10 % smaller": {"inertia": 0.9},
-    "pitch inertia 10 % larger": {"inertia": 1.1},
-    "commands 5 ms later": {"late": 0.005},
-    "commands 10 ms later": {"late": 0.01},
+class Variant(NamedTuple):
+    """A change of the model.
+
+    Attributes:
+        up, down: factors on the motors' time constants. pitch_inertia: factor on that.
+        late: s by which the commands act later than logged.
+    """
+
+    up: float = 1.0
+    down: float = 1.0
+    pitch_inertia: float = 1.0
+    late: float = 0.0
+
+
+VARIANTS: Mapping[str, Variant] = {
+    "as filed": Variant(),
+    "spin-down 7 % slower": Variant(down=0.16 / 0.15),
+    "spin-up 20 %, spin-down 7 % slower": Variant(up=1.2, down=0.16 / 0.15),
+    "spin-down as quick as spin-up": Variant(down=1.0 / 3.0),
+    "no motor lag": Variant(up=1e-2, down=1e-2),
+    "pitch inertia 10 % smaller": Variant(pitch_inertia=0.9),
+    "pitch inertia 10 % larger": Variant(pitch_inertia=1.1),
+    "commands 5 ms later": Variant(late=0.005),
+    "commands 10 ms later": Variant(late=0.01),
 }
-"""Changes of the model: factors on the motors' time constants (`up`, `down`) and on the pitch inertia, and s
-by which the commands act later than logged (`late`)."""
 
 
 @dataclass(frozen=True)
@@ -91,22 +103,22 @@ def _errors(
     commands: tuple[FloatArray, FloatArray],
     thrust: FloatArray,
     base: Any,
-    variant: Mapping[str, float],
+    variant: Variant,
     times: FloatArray,
 ) -> FloatArray:
     """Model minus gyro (rad/s) at `times`, from the `thrust` (N, (4,)) that ends the approach."""
     command_t, commanded = commands
     p = base.copy()
-    p["time_constant_up"] *= variant.get("up", 1.0)
-    p["time_constant_down"] *= variant.get("down", 1.0)
-    p["inertia"][1] *= variant.get("inertia", 1.0)
+    p["time_constant_up"] *= variant.up
+    p["time_constant_down"] *= variant.down
+    p["inertia"][1] *= variant.pitch_inertia
     steps = int(np.ceil((times[-1] - landing.trigger) / DT)) + 1
     state = new_states(1)
     state["position"][0, 2] = 100.0
     state["thrust"][0] = thrust
     state["omega"][0, 1] = np.interp(landing.trigger, landing.gyro_t, landing.gyro[:, 1])
     trace = np.empty((steps + 1, COLUMNS))
-    told = on_steps(command_t + variant.get("late", 0.0), commanded, landing.trigger, steps)
+    told = on_steps(command_t + variant.late, commanded, landing.trigger, steps)
     fly(state[0], p, told, 1, trace)
     at = landing.trigger + DT * np.arange(steps + 1)
     model = np.interp(times, at, trace[:, OMEGA + 1])
