@@ -350,6 +350,8 @@ def _other_values(value: Any) -> list[str]:
 
 
 def _needs_nothing(kind: type) -> bool:
+    if isinstance(kind, EnumMeta):  # is called with a value, whatever the signature says in Python 3.13
+        return False
     try:
         inspect.signature(kind).bind()
     except (TypeError, ValueError):

@@ -38,6 +38,7 @@ from calibration.gap.landings.search import (
 from calibration.gap.landings.segments import LandingSegment, landing_of
 from calibration.measurement import Interval, interval_of
 from onboard.arrays import FloatArray
+from onboard.linear_algebra import on_one_thread
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Vehicle
 from sim_backend.physics.parameters import physics_parameters
@@ -74,6 +75,7 @@ class _Evidence:
     allowed: dict[str, dict[str, tuple[float, Interval]]]
 
 
+@on_one_thread()
 def judge_landings(flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.Generator) -> LandingFindings:
     """Find which of leg_stiffness, leg_damping and foot_slip the landings in `flights` miss in `vehicle`.
 
