@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from calibration.gap.data.record import FlightRecord
+from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.replay import evaluate
 from calibration.gap.replay.hover_voltage import with_voltages
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle, load_vehicle
 from tests.gap.mujoco_flights import flights, frame
-from tests.gap.simulated_flight import fly, up_and_down, with_noise
+from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden
 
@@ -64,6 +65,18 @@ def test_a_supply_that_does_not_sag_stays_constant() -> None:
         records = [with_noise(fly(stock, up_and_down(period=p), 20.0, sag=sag), 0.5, rng) for p in (2.0, 2.5)]
         made, _ = with_voltages([without(record) for record in records], stock)
         assert all((np.ptp(measured(one)) == 0.0) == (sag == 0.0) for one in made)
+
+
+@pytest.mark.parametrize("wind", [0.0, 1.5])
+@pytest.mark.parametrize("sag", [0.0, 0.4])
+def test_a_drag_that_no_file_states_does_not_say_whether_a_voltage_falls(wind: float, sag: float) -> None:
+    stock, rng = load_vehicle("crazyflie21-stock"), np.random.default_rng(2)
+    air = {Variable("linear_drag", axis): 0.02 for axis in "xyz"} | {Variable("wind", "x"): wind}
+    truth = Model(stock, air).vehicle()
+    paths = (circle(radius=1.0, period=3.0), up_and_down(period=2.0), up_and_down(period=2.5))
+    flown = [with_noise(fly(truth, path, 20.0, sag=sag, believed=stock), 0.5, rng) for path in paths]
+    made, _ = with_voltages([without(record) for record in flown], stock)
+    assert all((np.ptp(measured(one)) == 0.0) == (sag == 0.0) for one in made)
 
 
 def test_a_vehicle_that_needs_another_voltage_is_doubted(
