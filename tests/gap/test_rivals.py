@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.acceptance import Judgement
+from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import refine, training_set
+from calibration.gap.search.forward import outdone
 from calibration.gap.search.rivals import Rival, doubt_of
+from calibration.gap.search.selection import SelectionStep
 from onboard.vehicle import load_vehicle
-from tests.gap.simulated_flight import circle, fly, with_noise
+from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 
 STOCK = load_vehicle("crazyflie21-stock")
 
@@ -91,3 +94,26 @@ def test_a_scale_takes_the_place_of_four_motors_that_say_the_same(
     scale = replace(rival, effect="thrust_scale", named="motor_imbalance", one_for_four=True, lead=lead)
     assert scale.says_the_same_with_fewer_names == takes_their_place
     assert not replace(scale, one_for_four=False).says_the_same_with_fewer_names
+
+
+def test_a_scale_is_outdone_by_what_explains_more_to_the_end_whatever_a_first_look_said() -> None:
+    heavy = Model(STOCK, {Variable("mass_error", "relative"): 0.1}).vehicle()
+    rng = np.random.default_rng(1)
+    paths = (circle(), circle(period=3.0), up_and_down(), up_and_down(period=2.0))
+    records = [
+        with_noise(fly(heavy, path, 6.0, name=f"flight {n}", believed=STOCK), 0.1, rng)
+        for n, path in enumerate(paths)
+    ]
+    model = Model(STOCK)
+    training = training_set(records, model)
+    right, wrong = (
+        SelectionStep(effect, Judgement(gain, True, True, (), {}), refine(model, variables, training))
+        for effect, gain, variables in (
+            ("mass_error", 20.0, [Variable("mass_error", "relative")]),
+            ("linear_drag", 1e6, [Variable("linear_drag", axis) for axis in "xyz"]),
+        )
+    )
+    assert not outdone(right, wrong, None)
+    assert outdone(wrong, right, None)
+    assert not outdone(wrong, right, right)
+    assert not outdone(wrong, None, None)
