@@ -96,7 +96,8 @@ def with_voltages(
             never.append(Unpredicted(record, str(error)))
             continue
         carried.append(steady)
-    falls = sum(_missed(one, vehicle) - _missed(other, vehicle) for one, other in made) > 0.0
+    steady_ones, falling_ones = ([pair[index] for pair in made] for index in (0, 1))
+    falls = bool(made) and _missed(falling_ones, vehicle) < _missed(steady_ones, vehicle)
     falling = {id(steady): other for steady, other in made if falls}
     return [falling.get(id(record), record) for record in carried], never
 
@@ -135,21 +136,29 @@ def _carrying(record: FlightRecord, vehicle: Vehicle, course: FloatArray) -> Fli
     return at(float(brentq(missing, full / _RANGE, full * _RANGE, xtol=1e-3)))
 
 
-def _missed(record: FlightRecord, vehicle: Vehicle) -> float:
-    """Squares of the force along the thrust that neither the model nor the air makes (m2/s4), summed over a
-    flight.
+def _missed(records: Sequence[FlightRecord], vehicle: Vehicle) -> float:
+    """Squares of the force along the thrust that neither the model nor the air makes (m2/s4), summed.
 
     A drag in a steady wind pulls along the thrust as the vehicle moves along it and as it leans: where no
     file says so, by more than a voltage that falls changes, which then fitted the drag (six flights in 1.8
-    m/s, without a battery: 58 m2/s4 for a voltage that falls, 334 against it beside a drag and a wind).
+    m/s, without a battery: 58 m2/s4 for a voltage that falls, 370 against it beside a drag and a wind). One
+    drag and one wind are fitted to all flights: of one for each, few short flights leave nothing to tell.
     """
-    force, used = _known_force(record)
-    missing = (force - teacher_forced(record, below_no_ceiling(vehicle)).force)[used, 2]
-    thrust = matrices(record.attitude)[used, :, 2]  # its direction in the world
-    along = np.einsum("nj,nj->n", record.velocity[used], thrust)
-    air = np.column_stack([np.ones(missing.size), along, thrust[:, :2]])
+    table = np.vstack([_unmade(record, vehicle) for record in records])
+    missing, air = table[:, 0], table[:, 1:]
     left = missing - air @ np.linalg.lstsq(air, missing, rcond=None)[0]
     return float(left @ left)
+
+
+def _unmade(record: FlightRecord, vehicle: Vehicle) -> FloatArray:
+    """Force along the thrust that the model does not make (m/s2), and what a drag (velocity along it, m/s)
+    and a wind (its direction in the world, x and y) would add to it, each less its mean, shape (n, 4)."""
+    force, used = _known_force(record)
+    missing = (force - teacher_forced(record, below_no_ceiling(vehicle)).force)[used, 2]
+    thrust = matrices(record.attitude)[used, :, 2]
+    along = np.einsum("nj,nj->n", record.velocity[used], thrust)
+    table = np.column_stack([missing, along, thrust[:, :2]])
+    return np.asarray(table - table.mean(axis=0))
 
 
 def _course(record: FlightRecord, vehicle: Vehicle) -> FloatArray:
