@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.estimate.acceptance import NINETY_FIVE, clustered_errors
+from calibration.gap.estimate.acceptance import DETECTABLE, NINETY_FIVE, clustered_errors
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
 from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.doubts import with_doubts
+from calibration.gap.search.naming import there_without_delay
 from onboard.vehicle import load_vehicle
 from tests.gap.mujoco_flights import CALM, flights, frame
 from tests.gap.simulated_flight import fly, up_and_down, with_noise
@@ -66,6 +67,17 @@ def test_what_moves_with_the_logs_timing_is_known_no_better_than_it() -> None:
     assert errors[LOG_TIMING] > half / np.sqrt(3.0)
     of_lag = half / final.model.base.motors.time_constant_up.value
     assert 0.3 * of_lag < errors[lag] < 1.5 * of_lag
+
+
+@pytest.mark.parametrize(("delay", "there"), [(0.004, False), (0.0, True)])
+def test_what_needs_a_delay_shorter_than_half_an_interval_is_not_there(delay: float, there: bool) -> None:
+    """Motors that are quicker by as much as commands are late; and motors that are quicker."""
+    lag = Variable("motor_lag", "scale")
+    quicker = 0.004 / nominal(frame(), "doubts").motors.time_constant_up.value
+    final, training = fitted(flights(Hidden(delay=delay, lag_scale=1.0 - quicker)), lag)
+    chance = clustered_errors(final, training)
+    assert final.model.change(lag) < -DETECTABLE * chance[lag]
+    assert there_without_delay([lag], final, training, chance) is there
 
 
 def drawing_for_lift(record: FlightRecord, flown: Model, rng: np.random.Generator) -> FlightRecord:

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.stats import norm
 
 from calibration.gap.data.excitation import answered, commanded, excitation_weights, excited
-from calibration.gap.estimate.acceptance import clustered_errors, sizeable
+from calibration.gap.estimate.acceptance import DETECTABLE, clustered_errors, sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
 from calibration.gap.search.always import LOG_TIMING, late_by_more_than_the_log
 from calibration.gap.search.credible import what_speaks_against
-from calibration.gap.search.doubts import with_doubts
+from calibration.gap.search.doubts import moved_by_timing, with_doubts
 from calibration.gap.search.forward import Search
 from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
@@ -33,6 +33,8 @@ NAMELESS = "with what has no name"
 NOTHING = "its interval contains nothing"
 
 SMALL_AND_NOTHING = f"too small for a name, and {NOTHING}"
+
+BY_DELAY = "it is there only beside a delay of commands that is within half an interval of the log"
 
 _LAGS = ("motor_lag", "motor_lag_asymmetry")
 
@@ -187,6 +189,8 @@ def _doubt(
         return "too little was commanded to tell it"
     if against := what_speaks_against(list(values), final, chance):
         return against
+    if effect != LOG_TIMING.effect and not there_without_delay(values, final, training, chance):
+        return BY_DELAY
     nothing = contains_nothing(values, final, errors)
     if effect == LOG_TIMING.effect and not late_by_more_than_the_log(final.model, training):
         return _small(values)
@@ -197,6 +201,23 @@ def _doubt(
     if not large:
         return SMALL_AND_NOTHING if nothing else _small(values)
     return NOTHING if nothing or contains_nothing(large, final, errors) else None
+
+
+def there_without_delay(
+    variables: Collection[Variable], final: Fitted, training: Training, chance: Mapping[Variable, float]
+) -> bool:
+    """Whether an effect is still beyond chance where commands arrive when the vehicle file says.
+
+    A delay that is within half an interval of the log is no finding: lines may be that late, or it answers
+    for what a controller did between two of them. What is nothing without it is no finding either.
+    """
+    delay = final.model.change(LOG_TIMING)
+    removable = [v for v in variables if v in final.variables and final.model.without_it(v) is not None]
+    if not removable or not delay or late_by_more_than_the_log(final.model, training):
+        return True
+    share = delay / (0.5 * training.regression.signals.dt)
+    moved = moved_by_timing(final, training)
+    return any(abs(final.model.change(v) - share * moved[v]) >= DETECTABLE * chance[v] for v in removable)
 
 
 def _tells_delays(final: Fitted, training: Training) -> bool:
