@@ -16,7 +16,7 @@ from sim_backend.fault_values import (
     vector,
     window,
 )
-from sim_backend.survey import CeilingTruth, ceiling_truth
+from sim_backend.survey import CeilingTruth, MissedTouch, ceiling_truth, missed_touch
 
 _MOTOR = integer(1, 2, 3, 4)
 
@@ -63,6 +63,12 @@ class DroneFaults:
     )
     survey_ceiling: CeilingTruth | None = fault(
         ceiling_truth, "H,X,Y: height and tilts along x and y (m, deg) of the ceiling that is touched", None
+    )
+    survey_missed: MissedTouch | None = fault(
+        missed_touch,
+        "N,MM: the person's marker is MM mm below the ceiling at corner N; a fifth point and, twice, all "
+        "corners follow",
+        None,
     )
     gyro_bias: tuple[float, float, float] = fault(
         vector, "X,Y,Z: bias of the gyro after its calibration, rad/s", (0.0, 0.0, 0.0)

@@ -260,7 +260,9 @@ class World:
             window is not NO_TIME
             for window in (self._faults.hung_at, self._faults.held_at, self._faults.survey_at)
         )
-        self._survey = SimulatedSurvey(self._faults.survey_at, self._faults.survey_ceiling, room, seed)
+        self._survey = SimulatedSurvey(
+            self._faults.survey_at, self._faults.survey_ceiling, self._faults.survey_missed, room, seed
+        )
         self._generators = [np.random.default_rng((seed, i, 0)) for i in range(drones)]
         self.drones = [
             Drone(

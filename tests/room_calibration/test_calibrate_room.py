@@ -16,6 +16,7 @@ from calibration.gap.data import prepare_flights
 from onboard.json_file import as_json
 from onboard.lab_file import LabFile
 from onboard.manoeuvres import manoeuvre
+from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from perchhw.cli.check import in_words
 from perchhw.cli.main import run
@@ -206,6 +207,27 @@ def test_rests_that_cannot_be_used_are_forgotten_and_the_touches_kept(
     assert "level plate both times" in document["error"]
     left = json.loads((tmp_path / "state.json").read_text(encoding="utf-8"))["steps"]
     assert list(left) == ["touch_1", "touch_2", "touch_3", "touch_4"]
+
+
+@pytest.mark.further  # the words and the rule are shown without a room (test_estimators.py)
+def test_a_touch_that_missed_the_ceiling_is_told_and_made_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    survey = ("--fault", "survey_at=3:2.5", "--fault", "survey_missed=2,9")
+    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, *survey)) as lab:
+        where = ("--lab", str(lab.ready["lab"]), "--out", str(tmp_path))
+        code = run(["--json", *CALIBRATE, *where, "--yes"])
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    assert re.search(r"off the plane of the others: touch a point more", said.err)
+    again = re.search(
+        r"touch ([\d or]+) is (\d+\.\d) mm off the plane of the others: touch there again", said.err
+    )
+    assert again, said.err
+    assert "2" in again[1].split(" or ")
+    assert "is the ceiling flat there?" not in said.err
+    height = json.loads(said.out)["ceiling"]["height"]
+    assert abs(height["value"] - RoomGeometry().ceiling_z) < height["u95"] < 2e-3
 
 
 @pytest.mark.soak
