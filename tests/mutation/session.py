@@ -6,7 +6,6 @@ import resource
 import selectors
 import sys
 import tempfile
-import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -225,8 +224,7 @@ def _ended(running: selectors.BaseSelector) -> list[selectors.SelectorKey]:
         key.data[0].received += piece
         if not piece:
             over.append(key)
-    now = time.monotonic()
-    late = [key for key in running.get_map().values() if now > key.data[0].deadline and key not in over]
+    late = [key for key in running.get_map().values() if key not in over and key.data[0].waits_in_vain()]
     return over + late
 
 

@@ -1,6 +1,7 @@
 """The command as it is given."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,8 @@ import pytest
 from tests.conftest import REPOSITORY
 from tests.mutation.allowed import load_allowed
 from tests.mutation.given import give
+from tests.mutation.trial import Trial
+from tests.patience import until
 
 TARGET = "onboard/supervisor_info.py"
 
@@ -61,20 +64,33 @@ def test_a_survivor_is_named_with_its_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.further
-@pytest.mark.parametrize("work", ["while True: pass", "import time; time.sleep(1000)"])
-def test_a_mutant_that_does_not_end_is_ended(work: str) -> None:
+@pytest.mark.parametrize(
+    ("work", "by"), [("while True: pass", "the system"), ("time.sleep(1000)", "its time being over")]
+)
+def test_a_mutant_that_does_not_end_is_ended(work: str, by: str) -> None:
     script = f"""
-import os, time
+import select, time
 from tests.mutation.trial import end, start
 def work(send):
     {work}
 trial = start(work, 2, 0.1)
-os.set_blocking(trial.result, False)
-while time.monotonic() <= trial.deadline:
-    time.sleep(0.05)
+while not (ended := select.select([trial.result], [], [], 0.05)[0]) and not trial.waits_in_vain():
+    pass
+assert bool(ended) == {by == "the system"}
 assert end(trial) is None
 """
     subprocess.run([sys.executable, "-c", script], cwd=REPOSITORY, check=True, timeout=60)
+
+
+def test_a_mutant_that_waits_for_the_processor_has_time() -> None:
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
+        computes = Trial(busy.pid, 0, deadline=0.0)
+        try:
+            until(lambda: not computes.waits_in_vain())
+            busy.send_signal(signal.SIGSTOP)
+            until(computes.waits_in_vain)
+        finally:
+            busy.kill()
 
 
 def test_an_equivalent_mutant_needs_a_reason(tmp_path: Path) -> None:

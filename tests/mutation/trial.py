@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
+from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, NoReturn, TypeAlias
 
@@ -110,6 +111,13 @@ class Trial:
     deadline: float
     received: bytes = field(default=b"")
 
+    def waits_in_vain(self) -> bool:
+        """Whether its time is over, and it is not the processor that it waits for."""
+        if time.monotonic() <= self.deadline:
+            return False
+        state = Path(f"/proc/{self.pid}/stat").read_text(encoding="utf-8").rpartition(") ")[2][0]
+        return state != "R"
+
 
 def _send(writer: int, result: Any) -> NoReturn:
     """Write what JSON can say, and end this process without the ceremony of one that was not forked."""
@@ -125,8 +133,8 @@ def start(work: Callable[[Send], None], log: int, cpu_limit: float) -> Trial:
     Args:
         work: is given what sends its result and ends its process.
         log: file descriptor of what the process prints.
-        cpu_limit: s of processor time after which the process is killed; waiting without end is cut off
-            after twenty times as long.
+        cpu_limit: s of processor time after which the process is killed; one that then still waits, but for
+            a processor that others have, is after twenty times as long.
     """
     reader, writer = os.pipe()
     pid = os.fork()
@@ -147,8 +155,7 @@ def start(work: Callable[[Send], None], log: int, cpu_limit: float) -> Trial:
 
 def end(trial: Trial) -> Any:
     """What the process sent, or None when it was killed. Called when its pipe is closed or its time over."""
-    if time.monotonic() > trial.deadline:
-        os.kill(trial.pid, signal.SIGKILL)
+    os.kill(trial.pid, signal.SIGKILL)
     os.close(trial.result)
     os.waitpid(trial.pid, 0)
     return json.loads(trial.received) if trial.received else None
