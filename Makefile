@@ -80,16 +80,17 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/uncalled.py
 
-$(BIN)/python:
+# pip comes last: an environment without it was not finished, and is made over.
+$(BIN)/pip:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "perchhw needs Python 3.11 or newer: make PYTHON=python3.11 ...")'
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.demo: requirements/demo.lock pyproject.toml | $(BIN)/python
+$(VENV)/.demo: requirements/demo.lock pyproject.toml | $(BIN)/pip
 	$(INSTALL) --require-hashes --requirement requirements/demo.lock
 	$(OURS)
 	touch $@
 
-$(VENV)/.dev: requirements/dev.lock requirements/torch.lock pyproject.toml | $(BIN)/python
+$(VENV)/.dev: requirements/dev.lock requirements/torch.lock pyproject.toml | $(BIN)/pip
 	$(INSTALL) --require-hashes --requirement requirements/dev.lock
 	$(INSTALL) --requirement requirements/torch.lock
 	$(OURS)

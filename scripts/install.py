@@ -72,8 +72,16 @@ def main(arguments: list[str]) -> int:
     if install_with_uv(arguments):
         return 0
     print("without uv, by pip, which takes longer:", *arguments, file=sys.stderr)
-    return subprocess.run([*PIP, "install", "--quiet", *arguments], check=False).returncode
+    status = subprocess.run([*PIP, "install", "--quiet", *arguments], check=False).returncode
+    if status != 0:
+        print(
+            "not installed: does 'pip config list' name what can be reached? Then once more", file=sys.stderr
+        )
+    return status
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        sys.exit("interrupted: the same command goes on")

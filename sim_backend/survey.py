@@ -51,7 +51,10 @@ class MissedTouch(NamedTuple):
 def missed_touch(text: str) -> MissedTouch:
     """``N,MM``."""
     corner, _, below = text.partition(",")
-    return MissedTouch(integer(1, 2, 3, 4)(corner), 1e-3 * number(0.0, 100.0)(below))
+    try:
+        return MissedTouch(integer(1, 2, 3, 4)(corner), 1e-3 * number(0.0, 100.0)(below))
+    except ValueError:
+        raise ValueError("must be a corner, 1 to 4, and at most 100 mm: N,MM") from None
 
 
 class SimulatedSurvey:

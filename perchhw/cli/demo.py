@@ -1,6 +1,7 @@
 """``perchhw demo``: from policy to labelled landings in a simulated lab, over the real protocols."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +12,7 @@ from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, Outcome
 from perchhw.cli import exit_codes
 from perchhw.cli.engine_option import Engine
 from perchhw.cli.output import emit
-from perchhw.consoles import console, progress_console
+from perchhw.consoles import console, progress_console, say
 from sim_backend.engine_name import EngineName, usable_engine
 
 if TYPE_CHECKING:
@@ -59,14 +60,24 @@ def demo(
     with SimulatedLab("lab", arguments) as lab:
         folder = new_run_folder(out, "demo")
         plan = demo_plan(lab.drones[0], lab.mocap[0], attempts, seed)
-        with flight_display("demo", plan.drone) as display:
+        with _told_what_is_kept(folder), flight_display("demo", plan.drone) as display:
             rows = run_displayed(plan, folder, display, yes=True)
-    flown = {(row.speed, row.angle_deg) for row in rows}
-    rates = predicted_rates(flown, seed, flown_by, folder / PREDICTION_FILE)
-    report = write_campaign_report(folder)
+    with _told_what_is_kept(folder):
+        flown = {(row.speed, row.angle_deg) for row in rows}
+        rates = predicted_rates(flown, seed, flown_by, folder / PREDICTION_FILE)
+        report = write_campaign_report(folder)
     recording = _recording(rows)
     _emit(DemoResult(folder, plan, rows, rates, report, recording, flown_by))
     return exit_code(rows)
+
+
+@contextmanager
+def _told_what_is_kept(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        say(progress_console(), f"what was flown is kept: perchhw campaign report {folder}")
+        raise
 
 
 def exit_code(rows: "Iterable[AttemptRow]") -> int:

@@ -91,18 +91,20 @@ def landings_command(
             with share_done("searching") as searched:
                 report = search_report(report, model, lambda share: searched(share, 1.0))
         except KeyboardInterrupt:
-            drawn = "" if out is None else f", once its page is drawn into {out} (Ctrl-C again: without it)"
-            say(progress_console(), f"stopping the search: what is known without it follows{drawn}")
+            say(progress_console(), "stopping the search, which was not finished: this is known without it")
             _give(report, model, out)
-            say(progress_console(), "the search was not finished: this is what is known without it")
             raise
     _give(report, model, out)
 
 
 def _give(report: "LandingReport", vehicle: "Vehicle", out: Path | None) -> None:
-    """Write what was found, and tell it."""
-    written = None if out is None else _write(report, vehicle, out)
-    emit(report, lambda: _tell(report, written))
+    """Write what was found, tell it, and draw its page, which takes seconds: whoever ends it has all else."""
+    if out is not None:
+        _write(report, vehicle, out)
+    emit(report, lambda: _tell(report, out))
+    if out is not None:
+        say(progress_console(), f"drawing {out / _PAGE}")
+        _draw(report, vehicle, out)
 
 
 _REASONS = 3  # that an error tells
@@ -136,31 +138,41 @@ def _outcome(flight: "Flight", labels: "dict[Path, Outcome]", vehicle: "Vehicle"
         return None
 
 
-def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> Path:
+_DOCUMENT, _PAGE = "landings.json", "landings.html"
+
+
+def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> None:
     import json
 
     from calibration.gap.landings.outcomes.verdict import improved_vehicle
     from calibration.gap.report.improved_vehicle import write_vehicle
-    from calibration.gap.report.landings_page import landings_page
     from onboard.record.folder import OutputFolderError
-    from onboard.room import RoomGeometry
-    from sim_backend.physics.parameters import physics_parameters
 
     found = report.search
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "landings.json").write_text(json.dumps(as_json(report), indent=1) + "\n", encoding="utf-8")
-        page = landings_page(report, physics_parameters(vehicle, RoomGeometry()))  # drawn for seconds
-        (folder / "landings.html").write_text(page, encoding="utf-8")
+        (folder / _DOCUMENT).write_text(json.dumps(as_json(report), indent=1) + "\n", encoding="utf-8")
         if found is not None and found.named:
             source = f"gap landings: outcomes of {len(report.real)} flights, seed {report.seed}"
             write_vehicle(improved_vehicle(vehicle, found, source), folder)
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error
-    return folder / "landings.html"
 
 
-def _tell(report: "LandingReport", page: Path | None) -> None:
+def _draw(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> None:
+    from calibration.gap.report.landings_page import landings_page
+    from onboard.record.folder import OutputFolderError
+    from onboard.room import RoomGeometry
+    from sim_backend.physics.parameters import physics_parameters
+
+    page = landings_page(report, physics_parameters(vehicle, RoomGeometry()))
+    try:
+        (folder / _PAGE).write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise OutputFolderError(folder, error.strerror) from error
+
+
+def _tell(report: "LandingReport", folder: Path | None) -> None:
     from rich.table import Table
 
     from calibration.gap.report.improved_vehicle import VEHICLE_FILE
@@ -199,10 +211,12 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
         say(screen, sentence)
     if report.expectation is not None:
         say(screen, report.expectation.words)
-    if page is not None and report.search is not None and report.search.named:
-        screen.print(f"vehicle with it: {page.with_name(VEHICLE_FILE)}", markup=False, soft_wrap=True)
-    if page is not None:
-        screen.print(f"page: {page}", markup=False, soft_wrap=True)
+    if folder is None:
+        return
+    if report.search is not None and report.search.named:
+        screen.print(f"vehicle with it: {folder / VEHICLE_FILE}", markup=False, soft_wrap=True)
+    screen.print(f"document: {folder / _DOCUMENT}", markup=False, soft_wrap=True)
+    screen.print(f"page: {folder / _PAGE}", markup=False, soft_wrap=True)
 
 
 def _tell_search(found: "OutcomeSearch") -> None:

@@ -98,6 +98,7 @@ class Survey:
             with SubjectWatch(with_subject(self.setup.mocap, self.wand), time) as wand:
                 touches = touches_of_one_plane(
                     partial(self._touch, wand),
+                    lambda number: self.book.forget(TOUCH_STEPS[number - 1]),
                     self.book.operator.warn,
                     goes_on=TOUCH_STEPS[-1] in self.book.steps,
                 )
@@ -144,7 +145,7 @@ class Survey:
             raise StepAgain("it is needed") from skipped
 
     def _touch(
-        self, watch: SubjectWatch, number: int, others: Sequence[FloatArray], where: str, anew: bool = False
+        self, watch: SubjectWatch, number: int, others: Sequence[FloatArray], where: str
     ) -> FloatArray:
         def refuse(rest: Rest) -> str | None:
             nearest = min((float(np.linalg.norm(rest.position - one)) for one in others), default=np.inf)
@@ -160,10 +161,7 @@ class Survey:
             self._ask(Task("touch", request))
             return _kept(watch.rest(self.within, refuse))
 
-        key = TOUCH_STEPS[number - 1]
-        if anew:
-            self.book.forget(key)
-        return _rest_of(self.book.step(key, f"Touch {number}", work)).position
+        return _rest_of(self.book.step(TOUCH_STEPS[number - 1], f"Touch {number}", work)).position
 
 
 def _kept(rest: Rest) -> dict[str, Any]:

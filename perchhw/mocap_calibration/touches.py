@@ -22,24 +22,24 @@ _AGAIN = "where it was touched before, the marker against the ceiling itself"
 class TouchRequest(Protocol):
     """Has the ceiling touched, and gives the place (3,), m."""
 
-    def __call__(
-        self, number: int, others: Sequence[FloatArray], where: str, anew: bool = False
-    ) -> FloatArray:
-        """Touch `number`, from 1, away from the `others`; `where`, for the person; `anew`: not the one that
-        is known."""
+    def __call__(self, number: int, others: Sequence[FloatArray], where: str) -> FloatArray:
+        """Touch `number`, from 1, away from the `others`, unless it is known; `where`, for the person."""
 
 
-def touches_of_one_plane(touch: TouchRequest, tell: Callable[[str], None], goes_on: bool) -> FloatArray:
+def touches_of_one_plane(
+    touch: TouchRequest, forget: Callable[[int], None], tell: Callable[[str], None], goes_on: bool
+) -> FloatArray:
     """Touches, (4, 3) or (5, 3), m: one more where four disagree, and that anew which is off the others.
 
     Args:
         touch: has the ceiling touched.
+        forget: a touch that is known, by its number.
         tell: warns the person.
         goes_on: whether the fifth was made before, in a calibration that was ended then.
     """
     touches: list[FloatArray] = []
     for number in range(1, TOUCHES + 1):
-        touches.append(touch(number, touches, _CORNERS))
+        touches.append(touch(number, touches, _AGAIN if goes_on else _CORNERS))
     stray = stray_touch(np.array(touches))
     if stray is None and not goes_on:
         return np.array(touches)
@@ -49,9 +49,11 @@ def touches_of_one_plane(touch: TouchRequest, tell: Callable[[str], None], goes_
     stray = stray_touch(np.array(touches))
     if stray is not None and 0 < len(stray.numbers) <= _LIKELY:
         tell(_in_words(stray, "touch there again"))
+        for again in stray.numbers:  # all at once: a calibration that goes on then has to ask for them
+            forget(again)
         for again in stray.numbers:
             others = [one for number, one in enumerate(touches, 1) if number != again]
-            touches[again - 1] = touch(again, others, _AGAIN, anew=True)
+            touches[again - 1] = touch(again, others, _AGAIN)
         stray = stray_touch(np.array(touches))
     if stray is not None:
         tell(_in_words(stray, "is the ceiling flat there? Its height is as uncertain as that"))

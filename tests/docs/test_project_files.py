@@ -1,7 +1,11 @@
 """The files at the top of the project agree with each other and with what they name."""
 
 import re
+import subprocess
 import tomllib
+from pathlib import Path
+
+import pytest
 
 from tests.conftest import REPOSITORY
 
@@ -30,6 +34,16 @@ def test_what_contributors_are_told_to_run_is_there() -> None:
     assert {"check", "lint", "test"} <= targets
     for target in targets:
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+
+
+@pytest.mark.parametrize("finished", [False, True])
+def test_an_environment_that_was_not_finished_is_made_over(tmp_path: Path, finished: bool) -> None:
+    (tmp_path / "bin").mkdir()
+    for made in ("python", "pip")[: 1 + finished]:
+        (tmp_path / "bin" / made).touch()
+    make = ["make", "--dry-run", f"VENV={tmp_path}", f"{tmp_path}/.demo"]
+    planned = subprocess.run(make, cwd=REPOSITORY, check=True, capture_output=True, text=True).stdout
+    assert (f"-m venv {tmp_path}" in planned) != finished
 
 
 def test_every_decision_is_listed_and_short() -> None:

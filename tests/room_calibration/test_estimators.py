@@ -233,12 +233,13 @@ def wizard(first: FloatArray, again: FloatArray) -> tuple[FloatArray, list[int],
     touched first, and of those where it is touched anew."""
     asked: list[int] = []
     said: list[str] = []
+    forgotten: set[int] = set()
 
-    def touch(number: int, others: Sequence[FloatArray], where: str, anew: bool = False) -> FloatArray:
+    def touch(number: int, others: Sequence[FloatArray], where: str) -> FloatArray:
         asked.append(number)
-        return np.array((again if anew else first)[number - 1])
+        return np.array((again if number in forgotten else first)[number - 1])
 
-    return touches_of_one_plane(touch, said.append, goes_on=False), asked, said
+    return touches_of_one_plane(touch, forgotten.add, said.append, goes_on=False), asked, said
 
 
 def test_the_wizard_takes_four_touches_and_has_one_that_is_off_made_again() -> None:
@@ -267,3 +268,23 @@ def test_where_touches_leave_it_open_which_is_off_the_wizard_has_each_of_these_m
     assert sorted(asked[5:]) == [2, 4]
     assert taken == pytest.approx(five)
     assert said[1].startswith("touch 2 or 4 is")
+
+
+def test_a_calibration_that_was_ended_while_touches_were_made_again_asks_for_all_of_them() -> None:
+    low = touched(1, np.vstack([CORNERS, BESIDE]))
+    low[3, 2] -= 9e-3
+    known = dict(enumerate(low, 1))
+    asked: list[str] = []
+
+    def touch(number: int, others: Sequence[FloatArray], where: str) -> FloatArray:
+        if number not in known:
+            asked.append(where)
+            raise KeyboardInterrupt
+        return np.array(known[number])
+
+    for goes_on in (False, True):
+        with pytest.raises(KeyboardInterrupt):
+            touches_of_one_plane(touch, known.pop, lambda text: None, goes_on)
+    assert sorted(known) == [1, 3, 5]
+    assert len(set(asked)) == 1
+    assert "touched before" in asked[0]

@@ -187,13 +187,14 @@ def _scale_first(
         found: the round.
         context: of the search.
         far_off: error of scale beyond which it does so whatever the best effect is, unless it is outdone;
-            None: only where the best effect is four motors that share it.
+            None: only where the best effect is four motors that share it, which never outdo it.
     """
     step = found.step
     scale = None if far_off is None else _error_of_scale(present, found.promises, context, far_off)
     if scale is not None:
         after = _round(scale.after, context, {})
-        return None if outdone(scale, step, after.step) else (scale, after)
+        if not outdone(scale, step, after.step):
+            return scale, after
     shared = None if step is None else scale_shared_by(step, present, context.training)
     promises = [promise for promise in found.promises if promise.candidate.effect == shared]
     scale = _error_of_scale(present, promises, context, 0.0)
