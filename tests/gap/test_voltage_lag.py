@@ -42,6 +42,11 @@ def test_a_voltage_that_gives_way_at_once_has_none(hidden: Hidden) -> None:
     assert voltage_lag(flights(hidden), MODEL) == 0.0  # late thrusts are the motors', not the battery's
 
 
+def test_a_lag_within_that_of_the_rotors_is_none() -> None:
+    quick = dataclasses.replace(CALM, battery_lag=0.04)
+    assert voltage_lag(flights(Hidden(resistance=MORE), quick), MODEL) == 0.0
+
+
 def test_a_voltage_that_stands_still_has_none() -> None:
     records = [
         dataclasses.replace(record, voltage=np.full(record.t.size, 4.0)) for record in flights(Hidden())
