@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from onboard.link import machine_files
 from perchhw.lab_process import SimulatedLab
 from tests.tiers import drawn, longest_first
 
@@ -74,6 +75,15 @@ def crazyflie_uri() -> Iterator[str]:
     twentieth of a core."""
     with SimulatedLab("drone", ("--drone-port", "0")) as served:
         yield served.drones[0]
+
+
+@pytest.fixture
+def own_drone_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of what this machine's processes know of its drones, for this test alone: its drone has an
+    address that the drones of other tests, which run at the same time, have too."""
+    folder = tmp_path / "drone files"
+    monkeypatch.setattr(machine_files, "FOLDER", folder)
+    return folder
 
 
 @pytest.fixture(scope="session")

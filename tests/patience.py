@@ -23,6 +23,11 @@ def patient_uri(uri: str, silence_s: float = 15.0) -> str:
     return f"{uri}?silence_s={silence_s}"
 
 
+def patient_port(address: str) -> str:
+    """An instrument's address whose answers may take as long as the machine is busy."""
+    return f"{address}?answer_s=60"
+
+
 def patient_link(
     uri: str,
     *,

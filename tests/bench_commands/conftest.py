@@ -15,7 +15,7 @@ from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
 from perchhw.cli import main
 from perchhw.lab_process import SimulatedLab
 from perchhw.walkthrough.bench.story import write_true
-from tests.patience import patient_uri
+from tests.patience import patient_port, patient_uri
 
 PACE = 8
 Bench = Callable[..., SimulatedLab]
@@ -79,7 +79,7 @@ def serve(vehicle: Path, *arguments: str, pace: float = PACE) -> SimulatedLab:
 
 def command(kind: str, bench: SimulatedLab, out: Path, *arguments: str) -> list[str]:
     """``perchhw --json calibrate KIND`` on the instruments of a bench."""
-    ports = bench.ready["bench"]
+    ports = patient_ports(bench)
     line = [sys.executable, "-m", "perchhw", "--json", "calibrate", kind]
     line += ["--drone", patient_uri(bench.drones[0]), "--hands", ports["hands"], "--out", str(out)]
     if kind == "tachometer":
@@ -87,6 +87,14 @@ def command(kind: str, bench: SimulatedLab, out: Path, *arguments: str) -> list[
     if kind == "thrust":
         line += ["--scale", ports["scale"], "--supply", ports["supply"], "--confirm", UNLOCK_PHRASE]
     return [*line, *arguments]
+
+
+def patient_ports(bench: SimulatedLab) -> dict[str, str]:
+    """The addresses of a bench's instruments, for a machine that is busy."""
+    return {
+        name: address if name == "hands" else patient_port(address)
+        for name, address in bench.ready["bench"].items()
+    }
 
 
 def run(line: list[str], expected: int = 0) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from calibration.bench.procedures.compare import compare_with_vehicle
 from calibration.bench.procedures.motors import HAND_PHRASE
 from onboard.vehicle import load_vehicle
 from perchhw.lab_process import SimulatedLab
-from tests.bench_commands.conftest import Bench, Refused, command, run
+from tests.bench_commands.conftest import Bench, Refused, command, patient_ports, run
 from tests.bench_commands.test_wizards import spin_record, steps
 from tests.patience import patient_uri
 
@@ -44,7 +44,7 @@ def assert_the_truth_is_found(folder: Path, true_file: Path, within_gf: float) -
 @pytest.mark.soak
 def test_a_balance_and_a_korad_supply_measure_thrust(bench: Bench, tmp_path: Path, true_file: Path) -> None:
     served = bench(pace=4)
-    ports = served.ready["bench"]
+    ports = patient_ports(served)
     said = run(thrust(served, tmp_path, ports["balance"], ports["korad"]))
     assert_the_truth_is_found(tmp_path, true_file, 0.2)
     assert said["rejected"] == []
@@ -57,7 +57,7 @@ def test_a_balance_and_a_korad_supply_measure_thrust(bench: Bench, tmp_path: Pat
 @pytest.mark.soak
 def test_the_ports_of_the_ready_line_mean_a_load_cell_and_a_scpi_supply(bench: Bench, tmp_path: Path) -> None:
     served = bench()
-    ports = served.ready["bench"]
+    ports = patient_ports(served)
     out = tmp_path / "run"
     line = thrust(served, out, f"loadcell://{ports['scale']}", f"scpi://{ports['supply']}")
     run(line)

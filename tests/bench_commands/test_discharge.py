@@ -8,12 +8,12 @@ import pytest
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
 from calibration.bench.procedures.motors import HAND_PHRASE
 from perchhw.lab_process import SimulatedLab
-from tests.bench_commands.conftest import Bench, run
+from tests.bench_commands.conftest import Bench, patient_ports, run
 from tests.patience import patient_uri
 
 
 def discharge(served: SimulatedLab, vehicle: Path, out: Path, *further: str) -> list[str]:
-    ports = served.ready["bench"]
+    ports = patient_ports(served)
     line = [sys.executable, "-m", "perchhw", "--json", "calibrate", "discharge"]
     line += ["--drone", patient_uri(served.drones[0]), "--vehicle", str(vehicle), "--scale", ports["scale"]]
     return [*line, "--hands", ports["hands"], "--out", str(out), "--confirm", UNLOCK_PHRASE, *further]
@@ -25,7 +25,7 @@ def test_compensation_holds_when_the_drone_reads_its_voltage_right(
     bench: Bench, tmp_path: Path, true_file: Path, gauge_error: float, code: int
 ) -> None:
     served = bench("--fault", f"bench_gauge_error={gauge_error}")
-    supply = served.ready["bench"]["supply"]
+    supply = patient_ports(served)["supply"]
     said = run(discharge(served, true_file, tmp_path, "--supply", supply), expected=code)
     assert said["passed"] is (code == 0)
     assert said["readings"] >= 10

@@ -57,6 +57,7 @@ def test_a_campaign_that_is_ended_before_a_flight_says_how_to_go_on(
     assert str(folder) in errors.replace("\n", "")
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_a_campaign_that_is_ended_while_its_pages_are_drawn_says_so_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -77,6 +78,7 @@ def test_a_campaign_that_is_ended_while_its_pages_are_drawn_says_so_too(
     assert "continue with --resume" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_who_interrupts_a_flight_is_told_what_came_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -103,6 +105,7 @@ def test_who_interrupts_a_flight_is_told_what_came_of_it(
     assert "first" not in said
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_a_full_disk_costs_a_campaign_its_page_and_no_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -279,6 +279,7 @@ def test_a_vehicle_file_that_was_written_anew_is_another_vehicle(campaign_file: 
         run_campaign(load_plan(campaign_file), folder, fly, resume=True)
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_whoever_starts_a_campaign_that_runs_hears_of_it_and_not_of_its_drone(
     campaign_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -298,6 +299,7 @@ def test_whoever_starts_a_campaign_that_runs_hears_of_it_and_not_of_its_drone(
         ("UPDATE attempts SET trigger = '{\"tau\": x}' WHERE slot = 3", "trigger of attempt 4"),
     ],
 )
+@pytest.mark.usefixtures("own_drone_files")
 def test_damaged_json_in_the_database_is_an_error_of_the_campaign(
     cell: str, named: str, campaign_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -326,6 +328,7 @@ def test_damaged_json_in_the_database_is_an_error_of_the_campaign(
         ("UPDATE facts SET value = '3' WHERE key = 'plan'", "fact plan cannot be 3"),
     ],
 )
+@pytest.mark.usefixtures("own_drone_files")
 def test_what_no_version_wrote_into_the_database_is_an_error_of_the_campaign(
     cell: str, named: str, campaign_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

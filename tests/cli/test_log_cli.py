@@ -278,6 +278,7 @@ def test_a_campaign_that_names_what_does_not_exist_begins_nothing(
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_a_folder_that_cannot_be_written_is_named(
     capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path
 ) -> None:

@@ -73,6 +73,7 @@ def test_who_interrupts_the_loading_of_the_command_line_sees_no_traceback(tmp_pa
     assert (running.returncode, errors) == (-signal.SIGINT, "")
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_an_outcome_is_told_before_the_page_is_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -92,6 +93,7 @@ def test_an_outcome_is_told_before_the_page_is_drawn(
     assert json.loads(capsys.readouterr().out)["outcome"] == "four_leg"
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_the_page_of_a_flight_is_named_once_it_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

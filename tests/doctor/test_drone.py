@@ -108,11 +108,13 @@ def of_nobody(lab: LabFile | None) -> Readings:
     )
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_a_drone_that_does_not_answer_is_one_line() -> None:
     links = [finding for finding in examine(of_nobody(lab=None)) if finding.what == "link"]
     assert [finding.verdict for finding in links] == [CheckVerdict.BAD]
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_the_limits_are_those_of_the_lab_file(tmp_path: Path) -> None:
     """Else the doctor is content with a pack that no flight of this lab would take off with."""
     file = tmp_path / "lab.toml"

@@ -155,6 +155,7 @@ def test_no_mocap_does_not_arm(lab: Watched, tmp_path: Path) -> None:
     assert "pose" in str(result.aborted_by)
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_no_drone_is_an_error_and_the_record_says_why(lab: Watched, tmp_path: Path) -> None:
     with pytest.raises(PerchhwError, match=r"127\.0\.0\.1:9"):
         fly_attempt(request(lab, tmp_path / "run", drone="udp://127.0.0.1:9"))

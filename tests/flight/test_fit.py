@@ -113,6 +113,7 @@ def test_nobody_is_asked_where_the_record_has_no_room(
         check_attempt(replace(REQUEST, folder=tmp_path / "not made" / "run"))
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_what_was_checked_is_what_flies_whatever_becomes_of_its_file(tmp_path: Path) -> None:
     file = Path(shutil.copy(find_policy("default"), tmp_path / "mine.policy.json"))
     request = replace(REQUEST, policy=str(file), folder=tmp_path / "run")

@@ -59,6 +59,7 @@ def test_a_drone_is_put_back_before_a_first_flight_where_it_has_flown(
     assert [("start mark" in request) for request in asked] == [True] * put_back
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_a_drone_that_does_not_answer_is_left_to_its_flight() -> None:
     Turnaround("udp://127.0.0.1:9", confirm=pytest.fail).put_back_if_needed()
 
@@ -69,10 +70,8 @@ def test_a_stop_of_another_drone_says_nothing_about_this_one() -> None:
         assert reboots(drone) > 0
 
 
-def test_a_stop_is_noted_for_every_address_of_the_drone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(machine_files, "FOLDER", tmp_path / "notes")
+@pytest.mark.usefixtures("own_drone_files")
+def test_a_stop_is_noted_for_every_address_of_the_drone() -> None:
     stops = StopsSince("radio://0/80/2M/E7E7E7E7E7")
     stops.check()
     note_stop("radio://1/80/2M/E7E7E7E7E8")

@@ -9,6 +9,8 @@ from functools import reduce
 from operator import xor
 from typing import Self
 
+from tests.patience import patient_port
+
 
 def framed(body: str) -> bytes:
     """A line of protocol 1, without its end. Written out again here, not taken from the code under test."""
@@ -39,6 +41,7 @@ class PtyDevice:
 
     Attributes:
         name: what a program opens.
+        patient: the same, as an address whose answers may take as long as the machine is busy.
         received: everything that the program sent.
     """
 
@@ -47,6 +50,7 @@ class PtyDevice:
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self.name = os.ttyname(self._slave)
+        self.patient = patient_port(self.name)
         self.received = b""
         self._changed = threading.Condition()
         self._wake_read, self._wake_write = os.pipe()

@@ -100,7 +100,7 @@ SUPPLIES = pytest.mark.parametrize(("kind", "tiny"), [("scpi", TinyScpi), ("kora
 @SUPPLIES
 def test_a_kept_supply_does_what_it_is_told(kind: str, tiny: type[TinyScpi] | type[TinyKorad]) -> None:
     with PtyDevice(tiny()) as device:
-        with KeptSupply(device.name, kind) as supply:
+        with KeptSupply(device.patient, kind) as supply:
             assert supply.device == device.name
             assert supply.identity in ("ACME,PS1,7,1.0", "KORADKA3005PV2.0")
             supply.set(3.7, 5.0)
@@ -130,7 +130,7 @@ def test_the_supply_is_off_soon_after_the_wizard_dies_or_hangs(
 ) -> None:
     supply = tiny()
     with PtyDevice(supply) as device:
-        running = wizard(device.name, kind)
+        running = wizard(device.patient, kind)
         assert is_on(supply)
         running.process.send_signal(end)
         until(lambda: not is_on(supply), PATIENCE_S)
@@ -164,7 +164,7 @@ def test_a_question_that_is_never_answered_does_not_delay_the_cut(wizard: Callab
 def test_the_whole_process_group_is_not_the_keepers(wizard: Callable[..., Wizard]) -> None:
     supply = TinyScpi()
     with PtyDevice(supply) as device:
-        running = wizard(device.name, "scpi")
+        running = wizard(device.patient, "scpi")
         for ending in (signal.SIGINT, signal.SIGHUP, signal.SIGKILL):
             os.killpg(running.process.pid, ending)
         until(lambda: not supply.on, PATIENCE_S)
@@ -175,7 +175,7 @@ def test_a_word_to_end_that_comes_before_the_keeper_waits_is_not_lost() -> None:
     """A signal's handler may run just before the wait; its word must still end it."""
     tiny, said = TinyScpi(), list[str]()
     with PtyDevice(tiny) as device:
-        supply = ScpiSupply(device.name)
+        supply = ScpiSupply(device.patient)
         supply.switch(on=True)
         (ours, wizard), (told, teller) = socket.socketpair(), socket.socketpair()
         with ours, wizard, told, teller:
@@ -190,7 +190,7 @@ def test_a_word_to_end_that_comes_before_the_keeper_waits_is_not_lost() -> None:
 def test_a_keeper_that_dies_is_noticed(end: signal.Signals) -> None:
     tiny = TinyScpi()
     with PtyDevice(tiny) as device:
-        supply = KeptSupply(device.name)
+        supply = KeptSupply(device.patient)
         supply.switch(on=True)
         os.kill(supply.keeper, end)
         supply._process.wait(PATIENCE_S)
@@ -204,7 +204,7 @@ def test_a_keeper_that_dies_is_noticed(end: signal.Signals) -> None:
 
 def test_what_was_cut_stays_off_and_says_why() -> None:
     tiny = TinyScpi()
-    with PtyDevice(tiny) as device, KeptSupply(device.name) as supply:
+    with PtyDevice(tiny) as device, KeptSupply(device.patient) as supply:
         supply.switch(on=True)
         supply.cut()
         assert not tiny.on
@@ -218,7 +218,7 @@ def test_what_was_cut_stays_off_and_says_why() -> None:
 
 def test_a_heart_that_rests_or_has_never_beaten_is_no_hang() -> None:
     tiny = TinyScpi()
-    with PtyDevice(tiny) as device, KeptSupply(device.name) as supply:
+    with PtyDevice(tiny) as device, KeptSupply(device.patient) as supply:
         supply.switch(on=True)
         threading.Event().wait(1.2 * HANG_S)
         supply.beat()

@@ -90,7 +90,7 @@ class TinyKorad:
 def test_a_scpi_supply_is_set_read_and_off_in_the_end() -> None:
     tiny = TinyScpi()
     with PtyDevice(tiny) as device:
-        with ScpiSupply(device.name) as supply:
+        with ScpiSupply(device.patient) as supply:
             assert supply.identity == "ACME,PS1,7,1.0"
             assert supply.errors_at_open == ('-330,"Self-test failed"',)
             supply.set(4.0, 1.0)
@@ -114,7 +114,7 @@ def test_the_output_is_off_after_an_error(
     tiny: Callable[[bytes], bytes], kind: type[ScpiSupply] | type[KoradSupply], error: type[BaseException]
 ) -> None:
     with PtyDevice(tiny) as device:
-        with pytest.raises(error), kind(device.name) as supply:  # noqa: PT012
+        with pytest.raises(error), kind(device.patient) as supply:  # noqa: PT012
             supply.switch(on=True)
             raise error
         device.await_received(b"OUTP OFF" if kind is ScpiSupply else b"OUT0")
@@ -122,7 +122,7 @@ def test_the_output_is_off_after_an_error(
 
 def test_a_supply_that_cannot_be_switched_off_is_shouted_about() -> None:
     with PtyDevice(TinyScpi()) as device:
-        supply = ScpiSupply(device.name)
+        supply = ScpiSupply(device.patient)
         device.unplug()
         with pytest.raises(InstrumentError, match="SWITCH THE SUPPLY OFF BY HAND"):
             supply.close()
@@ -131,7 +131,7 @@ def test_a_supply_that_cannot_be_switched_off_is_shouted_about() -> None:
 
 def test_a_korad_supply_is_set_read_back_and_says_when_it_limits() -> None:
     tiny = TinyKorad()
-    with PtyDevice(tiny) as device, KoradSupply(device.name) as supply:
+    with PtyDevice(tiny) as device, KoradSupply(device.patient) as supply:
         assert supply.identity == "KORADKA3005PV2.0"
         supply.set(3.7, 5.0)
         assert tiny.values == {b"VSET1": b"03.70", b"ISET1": b"5.000"}
@@ -152,7 +152,7 @@ def balance(answers: dict[bytes, bytes]) -> Callable[[bytes], bytes]:
 
 def test_a_balance_is_read_in_any_unit_that_it_may_show() -> None:
     answers = {b"SI": b"S S      12.345 g\r\n"}
-    with PtyDevice(balance(answers)) as device, Balance(device.name) as scale:
+    with PtyDevice(balance(answers)) as device, Balance(device.patient) as scale:
         for answer, mass, stable in (
             (b"S S      12.345 g\r\n", 0.012345, True),
             (b"S D     -0.50 g\n", -0.0005, False),
@@ -187,7 +187,7 @@ def test_a_balance_is_read_in_any_unit_that_it_may_show() -> None:
 )
 def test_what_is_no_mass_is_no_mass(answer: bytes, words: str) -> None:
     answers = {b"SI": b"S S 0.0 g\r\n"}
-    with PtyDevice(balance(answers)) as device, Balance(device.name) as scale:
+    with PtyDevice(balance(answers)) as device, Balance(device.patient) as scale:
         answers[b"SI"] = answer
         with pytest.raises(InstrumentRefused, match=words):
             scale.read_mass()
@@ -198,17 +198,19 @@ def test_wrong_devices_and_silence_are_named_in_time() -> None:
         for kind in (Balance, ScpiSupply, KoradSupply):
             with pytest.raises(InstrumentTimeout, match="answered nothing"):
                 kind(silent.name)
+            with pytest.raises(InstrumentTimeout, match=r"within 0\.1 s: .*\?answer_s=SECONDS"):
+                kind(f"serial://{silent.name}?baud=9600&answer_s=0.1")
     with PtyDevice(lambda _data: b"\x80\xfe\x10\n") as noise, pytest.raises(WrongBaudRate, match="no text"):
-        ScpiSupply(noise.name)
+        ScpiSupply(noise.patient)
     with PtyDevice(lambda _data: b"hello\n") as other:
         for kind in (Balance, ScpiSupply):
             with pytest.raises(WrongDevice):
-                kind(other.name)
+                kind(other.patient)
 
 
 def test_half_an_answer_is_none_and_the_next_one_is_whole() -> None:
     answers = {b"SI": b"S S 1.0 g\r\n"}
-    with PtyDevice(balance(answers)) as device, Balance(device.name) as scale:
+    with PtyDevice(balance(answers)) as device, Balance(f"{device.name}?answer_s=3") as scale:
         answers[b"SI"] = b"S S 99"
         with pytest.raises(InstrumentTimeout, match="only b'S S 99'"):
             scale.read_mass()

@@ -210,6 +210,8 @@ def test_ports_that_cannot_be_opened_are_named() -> None:
         ("/dev/pts/3", Address("/dev/pts/3", 115200)),
         ("COM3", Address("COM3", 115200)),
         ("serial://COM3?baud=57600", Address("COM3", 57600)),
+        ("serial://COM3?baud=57600&answer_s=2.5", Address("COM3", 57600, 2.5)),
+        ("/dev/pts/3?answer_s=60", Address("/dev/pts/3", 115200, 60.0)),
     ],
 )
 def test_addresses(text: str, address: Address) -> None:
@@ -225,6 +227,10 @@ def test_addresses(text: str, address: Address) -> None:
         "serial:///dev/x?baud=fast",
         "serial:///dev/x?baud=0",
         "serial:///d?b=1",
+        "/dev/x?answer_s=soon",
+        "/dev/x?answer_s=0",
+        "/dev/x?answer_s=61",
+        "/dev/x?answer_s=nan",
     ],
 )
 def test_bad_addresses_are_refused(text: str) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from onboard.link import machine_files
 from perchhw.campaign import load_plan
 from perchhw.campaign.courses import load_flight_plan
 from perchhw.cli.main import run
@@ -67,20 +66,13 @@ def test_a_broken_file_in_the_working_folder_is_not_passed_over(
 
 
 def test_what_cannot_be_flown_is_told_also_while_another_process_flies_the_drone(
-    capsys: pytest.CaptureFixture[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+    capsys: pytest.CaptureFixture[str], folder: Path, own_drone_files: Path
 ) -> None:
-    monkeypatch.setattr(machine_files, "FOLDER", folder / "machine")
     (folder / "lab.toml").write_text(LAB)
     holder = "import sys; from onboard.link.exclusive import hold; from onboard.link import machine_files; "
     holder += "from pathlib import Path; machine_files.FOLDER = Path(sys.argv[1]); "
     holder += "held = hold(sys.argv[2]); print(flush=True); sys.stdin.read()"
-    line = [
-        sys.executable,
-        "-c",
-        holder,
-        str(folder / "machine"),
-        read_lab(folder / "lab.toml").drones[0].uri,
-    ]
+    line = [sys.executable, "-c", holder, str(own_drone_files), read_lab(folder / "lab.toml").drones[0].uri]
     with subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         other.stdout.readline()

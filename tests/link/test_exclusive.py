@@ -117,11 +117,10 @@ def test_releasing_twice_takes_nothing_from_others(tiny: TinyDrone) -> None:
 
 
 @pytest.mark.parametrize("drone", ["udp://127.0.0.1:9", "radio://0/80/2M/E7E7E7E7E7", "usb://0"])
-def test_no_file_is_left_behind(drone: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine_files, "FOLDER", tmp_path / "locks")
+def test_no_file_is_left_behind(drone: str, own_drone_files: Path) -> None:
     with hold(drone):
-        assert len(list(machine_files.FOLDER.iterdir())) == 1
-    assert not list(machine_files.FOLDER.iterdir())
+        assert len(list(own_drone_files.iterdir())) == 1
+    assert not list(own_drone_files.iterdir())
 
 
 @pytest.mark.parametrize(

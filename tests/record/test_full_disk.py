@@ -45,6 +45,7 @@ def test_a_nearly_full_disk_is_refused_with_its_figure(
     assert not any((tmp_path / "run").iterdir())
 
 
+@pytest.mark.usefixtures("own_drone_files")
 def test_a_campaign_that_finds_the_disk_nearly_full_stops_and_costs_no_attempt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

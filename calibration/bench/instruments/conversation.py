@@ -2,7 +2,7 @@
 
 from calibration.bench.instruments.diagnosis import text_share
 from calibration.bench.instruments.errors import InstrumentTimeout, WrongBaudRate
-from calibration.bench.instruments.transport import IO_TIMEOUT_S, Address, SerialPort
+from calibration.bench.instruments.transport import Address, SerialPort
 from onboard.clock import Clock, monotonic
 from onboard.closing import Closing
 
@@ -33,21 +33,22 @@ class Conversation(Closing):
         """Send a command that has no answer."""
         self._port.write(command)
 
-    def ask_line(self, command: bytes, within_s: float = IO_TIMEOUT_S) -> str:
+    @property
+    def answer_s(self) -> float:
+        """How long an answer may take [s], as the address says."""
+        return self._port.address.answer_s
+
+    def ask_line(self, command: bytes) -> str:
         """Send a command; its answer is the next line (LF or CRLF), whatever lay there before is old.
 
         Raises:
-            InstrumentTimeout: no complete line within `within_s` [s].
+            InstrumentTimeout: no complete line within :attr:`answer_s`.
             WrongBaudRate: the answer is no text.
             InstrumentLost: unplugged.
         """
         self._discard_old()
         self._port.write(command)
-        return self.next_line(within_s, command)
-
-    def next_line(self, within_s: float, command: bytes = b"") -> str:
-        """The next line of an answer that has several; errors as for :meth:`ask_line`."""
-        deadline = self._clock() + within_s
+        deadline = self._clock() + self.answer_s
         while b"\n" not in self._rest:
             left = deadline - self._clock()
             if left <= 0.0 or len(self._rest) > _ANSWER_BYTES_MAX:
@@ -60,11 +61,14 @@ class Conversation(Closing):
         """Send a command whose answer has no end: `length` bytes, or all until it is silent.
 
         Raises:
-            InstrumentTimeout: nothing, or too little, within 1 s.
+            InstrumentTimeout: nothing, or too little, within :attr:`answer_s`.
         """
         self._discard_old()
         self._port.write(command)
-        answer = self._port.read(IO_TIMEOUT_S)
+        deadline = self._clock() + self.answer_s
+        answer = b""
+        while not answer and (left := deadline - self._clock()) > 0.0:
+            answer = self._port.read(left)
         while answer and len(answer) < (length or _ANSWER_BYTES_MAX):
             more = self._port.read(_PAUSE_S)
             if not more:
@@ -96,5 +100,6 @@ class Conversation(Closing):
             )
         got = f"only {received[:40]!r}" if received else "nothing"
         return InstrumentTimeout(
-            f"{self.device} answered {got} to {asked!r} within 1 s: is it on, is it this port?"
+            f"{self.device} answered {got} to {asked!r} within {self.answer_s:g} s: is it on, is it this "
+            "port? A slow one may have longer: ?answer_s=SECONDS behind its address"
         )

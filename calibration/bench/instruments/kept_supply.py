@@ -12,14 +12,15 @@ from typing import Any
 
 from calibration.bench.instruments import errors
 from calibration.bench.instruments.errors import InstrumentError, InstrumentLost, InstrumentTimeout
-from calibration.bench.instruments.supply import OFF_BY_HAND, OffWhenClosed, SupplyReading
+from calibration.bench.instruments.supply import OFF_BY_HAND, SCPI_BAUD, OffWhenClosed, SupplyReading
 from calibration.bench.instruments.supply_keeper import HANG_S
+from calibration.bench.instruments.transport import Address
 from onboard.clock import monotonic
 
 #: The keeper has to start and to open the port, also on a busy machine [s].
 START_WITHIN_S = 30.0
-#: Longer than the longest exchange with a supply that answers each question just in time [s].
-ANSWER_WITHIN_S = 6.0
+#: More than the answers of the longest exchange with a supply, each of which may come just in time.
+ANSWERS_MAX = 6
 #: A keeper that takes no more of our lines is as good as gone [s].
 SEND_WITHIN_S = 0.2
 _RECEIVE_BYTES = 4096
@@ -43,13 +44,14 @@ class KeptSupply(OffWhenClosed):
         """Start the keeper, which opens the port.
 
         Args:
-            address: ``serial:///dev/...?baud=N`` or a device path.
+            address: as :meth:`~calibration.bench.instruments.transport.Address.parse` reads it.
             kind: ``scpi`` or ``korad``.
 
         Raises:
             InstrumentInputError, InstrumentNotFound, InstrumentTimeout, WrongBaudRate, WrongDevice: of the
                 supply. InstrumentLost: the keeper did not start.
         """
+        self._answer_within = ANSWERS_MAX * Address.parse(address, SCPI_BAUD).answer_s
         self._socket, theirs = socket.socketpair()
         self._socket.settimeout(SEND_WITHIN_S)
         with theirs:
@@ -114,7 +116,7 @@ class KeptSupply(OffWhenClosed):
         with self._asking:
             number = next(self._numbers)
             self._send({"id": number, "do": what, "with": arguments})
-            return self._reply(number, ANSWER_WITHIN_S)
+            return self._reply(number, self._answer_within)
 
     def _send(self, message: dict[str, Any]) -> None:
         try:
@@ -158,7 +160,7 @@ class KeptSupply(OffWhenClosed):
         """Without a goodbye before, the keeper switches off now, and may take a while."""
         self._socket.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(ANSWER_WITHIN_S)
+            self._process.wait(self._answer_within)
 
 
 def _as_told(answer: dict[str, Any]) -> InstrumentError:

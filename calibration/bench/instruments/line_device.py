@@ -185,15 +185,16 @@ class LineDevice(Closing):
 
         Raises:
             InstrumentInputError: the tag is not 1 to 16 letters, digits, "_", "." or "-".
-            InstrumentTimeout: no echo within 1 s.
+            InstrumentTimeout: no echo within a second.
         """
         if not _TAG.fullmatch(tag):
             raise InstrumentInputError(f"{tag!r} is no mark: 1 to 16 letters, digits, '_', '.' or '-'")
         with self._marked:
             self._marks.pop(tag, None)
             self._reader.write(f"M{tag}\n".encode("ascii"))
-            if not self._marked.wait_for(lambda: tag in self._marks, IO_TIMEOUT_S):
-                raise InstrumentTimeout(f"{self.device}: the mark {tag!r} was not echoed within 1 s")
+            within = self.patience * IO_TIMEOUT_S
+            if not self._marked.wait_for(lambda: tag in self._marks, within):
+                raise InstrumentTimeout(f"{self.device}: the mark {tag!r} was not echoed within {within:g} s")
             return self._marks[tag]
 
     def close(self) -> None:

@@ -12,6 +12,9 @@ from onboard.closing import Closing
 
 #: No read and no write blocks longer [s].
 IO_TIMEOUT_S = 1.0
+#: A device that is asked has answered by then, if its address does not say otherwise [s].
+ANSWER_S = 1.0
+_ANSWER_S_MAX = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,26 +24,29 @@ class Address:
     Attributes:
         device: "/dev/ttyACM0", "COM3".
         baud: speed [baud].
+        answer_s: how long an answer may take [s].
     """
 
     device: str
     baud: int
+    answer_s: float = ANSWER_S
 
     @classmethod
     def parse(cls, text: str, default_baud: int) -> Self:
-        """``serial:///dev/...?baud=N`` or a plain device path.
+        """``serial:///dev/...?baud=N&answer_s=SECONDS``, or just what stands behind ``serial://``.
 
         Raises:
-            InstrumentInputError: another scheme, no device, or a speed that is no positive number.
+            InstrumentInputError: another scheme, no device, or a speed or a time that is no positive number.
         """
-        if "://" not in text:
-            if not text:
-                raise InstrumentInputError("empty address: write serial:///dev/ttyACM0 or /dev/ttyACM0")
+        if not text:
+            raise InstrumentInputError("empty address: write serial:///dev/ttyACM0 or /dev/ttyACM0")
+        if "://" not in text and "?" not in text:
             return cls(text, default_baud)
-        parts = urllib.parse.urlsplit(text)
+        parts = urllib.parse.urlsplit(text if "://" in text else f"serial://{text}")
         device = parts.netloc + urllib.parse.unquote(parts.path)
         query = urllib.parse.parse_qs(parts.query, keep_blank_values=True)
         baud = query.pop("baud", [str(default_baud)])[-1]
+        answer_s = query.pop("answer_s", [str(ANSWER_S)])[-1]
         if parts.scheme != "serial" or not device or query:
             raise InstrumentInputError(
                 f"{text!r} is no serial address: write serial:///dev/ttyACM0?baud=115200"
@@ -49,7 +55,7 @@ class Address:
             raise InstrumentInputError(
                 f"baud={baud!r} in {text!r} is no speed: write for example baud=115200"
             )
-        return cls(device, int(baud))
+        return cls(device, int(baud), _seconds(answer_s, text))
 
 
 class SerialPort(Closing):
@@ -123,6 +129,18 @@ class SerialPort(Closing):
     def close(self) -> None:
         """Close it; idempotent."""
         self._serial.close()
+
+
+def _seconds(value: str, text: str) -> float:
+    try:
+        seconds = float(value)
+    except ValueError:
+        seconds = 0.0
+    if not 0.0 < seconds <= _ANSWER_S_MAX:  # nor is "nan"
+        raise InstrumentInputError(
+            f"answer_s={value!r} in {text!r} is no time: write more than 0 and at most {_ANSWER_S_MAX:g} (s)"
+        )
+    return seconds
 
 
 def _opening_text(address: Address, error: Exception) -> str:
