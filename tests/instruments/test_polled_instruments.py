@@ -2,6 +2,7 @@
 
 import math
 import re
+import threading
 from collections.abc import Callable
 
 import pytest
@@ -206,6 +207,26 @@ def test_wrong_devices_and_silence_are_named_in_time() -> None:
         for kind in (Balance, ScpiSupply):
             with pytest.raises(WrongDevice):
                 kind(other.patient)
+
+
+@pytest.mark.parametrize(
+    ("kind", "tiny"),
+    [(ScpiSupply, TinyScpi()), (KoradSupply, TinyKorad()), (Balance, balance({b"SI": b"S S 1.0 g\r\n"}))],
+)
+def test_a_slow_device_is_waited_for_as_its_address_says(
+    kind: Callable[[str], ScpiSupply | KoradSupply | Balance], tiny: Callable[[bytes], bytes]
+) -> None:
+    slow = threading.Event()
+
+    def answer(data: bytes) -> bytes:
+        if not slow.is_set():
+            slow.wait(1.2)  # longer than one that says nothing of itself may take
+            slow.set()
+        return tiny(data)
+
+    with PtyDevice(answer) as device, kind(device.patient) as instrument:
+        assert slow.is_set()
+        assert instrument.device == device.name
 
 
 def test_half_an_answer_is_none_and_the_next_one_is_whole() -> None:

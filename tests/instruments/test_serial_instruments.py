@@ -167,9 +167,9 @@ def test_a_dead_link_is_not_a_stopped_motor() -> None:
 
 
 def test_a_mark_without_echo_is_an_error() -> None:
-    with LineBoard() as board, Tachometer(board.name) as tachometer:
+    with LineBoard() as board, Tachometer(f"{board.name}?answer_s=0.1") as tachometer:
         board._answer = lambda _data: b""
-        with pytest.raises(InstrumentTimeout, match="'up' was not echoed"):
+        with pytest.raises(InstrumentTimeout, match=r"'up' was not echoed within 0\.1 s"):
             tachometer.mark("up")
         with pytest.raises(InstrumentInputError, match="is no mark"):
             tachometer.mark("two words")

@@ -17,7 +17,7 @@ from calibration.bench.instruments.supply_keeper import HANG_S
 from calibration.bench.instruments.transport import Address
 from onboard.clock import monotonic
 
-#: The keeper has to start and to open the port, also on a busy machine [s].
+#: The keeper has to start, also on a busy machine, before it asks the supply who it is [s].
 START_WITHIN_S = 30.0
 #: More than the answers of the longest exchange with a supply, each of which may come just in time.
 ANSWERS_MAX = 6
@@ -67,7 +67,7 @@ class KeptSupply(OffWhenClosed):
         self._rest = b""
         self._sending, self._asking = threading.Lock(), threading.Lock()
         try:
-            self.device, self.identity = self._reply(0, START_WITHIN_S)
+            self.device, self.identity = self._reply(0, START_WITHIN_S + self._answer_within)
         except BaseException:
             self._let_go()
             raise

@@ -106,6 +106,7 @@ class LineDevice(Closing):
             port.close()
             raise
         self.patience = 1.0
+        self._answer_s = port.address.answer_s
         self._continuity = Continuity()
         self._box: Mailbox[Placed] = Mailbox(_LINES_MAX)
         self._marks: dict[str, Placed] = {}
@@ -185,14 +186,14 @@ class LineDevice(Closing):
 
         Raises:
             InstrumentInputError: the tag is not 1 to 16 letters, digits, "_", "." or "-".
-            InstrumentTimeout: no echo within a second.
+            InstrumentTimeout: no echo within the time that the address gives to answers.
         """
         if not _TAG.fullmatch(tag):
             raise InstrumentInputError(f"{tag!r} is no mark: 1 to 16 letters, digits, '_', '.' or '-'")
         with self._marked:
             self._marks.pop(tag, None)
             self._reader.write(f"M{tag}\n".encode("ascii"))
-            within = self.patience * IO_TIMEOUT_S
+            within = self.patience * self._answer_s
             if not self._marked.wait_for(lambda: tag in self._marks, within):
                 raise InstrumentTimeout(f"{self.device}: the mark {tag!r} was not echoed within {within:g} s")
             return self._marks[tag]
