@@ -76,7 +76,7 @@ def read_leg_study(folder: Path) -> LegResults:
     Raises:
         LearningInputError: naming the file and what is wrong with it.
     """
-    study = _read_study(folder / STUDY_FILE)
+    study = read_study(folder)
     maps = {}
     for design in study["designs"]:
         rows = tuple(read_pairs(folder / design / PAIRS_FILE).values())
@@ -86,7 +86,13 @@ def read_leg_study(folder: Path) -> LegResults:
     return LegResults(folder, study, maps, _read_landings(folder / LANDINGS_FILE))
 
 
-def _read_study(path: Path) -> dict[str, Any]:
+def read_study(folder: Path) -> dict[str, Any]:
+    """``study.json`` of the folder of a leg study.
+
+    Raises:
+        LearningInputError: naming the file and what is wrong with it.
+    """
+    path = folder / STUDY_FILE
     try:
         study = parsed(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

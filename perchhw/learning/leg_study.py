@@ -22,7 +22,7 @@ from perchhw.learning.environment import versions
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.executor import ALL_CORES, Executor
 from perchhw.learning.leg_landings import FACTOR_COLUMNS, LandPair, landings_text, pair_of
-from perchhw.learning.leg_results import LANDINGS_FILE, SCHEMA, STUDY_FILE
+from perchhw.learning.leg_results import LANDINGS_FILE, SCHEMA, STUDY_FILE, is_leg_study, read_study
 from perchhw.learning.leg_trends import ALL_ANGLES, BEYOND, pairs_of, trends
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
@@ -86,6 +86,8 @@ def run_leg_study(
     """
     _check(setup, designs, rollouts)
     make_folder(folder)
+    if resume:
+        _keep_every_design(designs, folder)
     pairs: dict[str, tuple[Row, ...]] = {}
     landings: list[Row] = []
     for design in designs:
@@ -113,6 +115,18 @@ def _check(setup: LearningSetup, designs: Sequence[str], rollouts: int) -> None:
         raise LearningInputError(f"--rollouts {rollouts} makes no landing: give at least 1")
     if setup.leg_angle_deg is not None or setup.leg_length_m is not None:
         raise LearningInputError("a leg study takes whole designs: leave angle and length of the legs out")
+
+
+def _keep_every_design(designs: Sequence[str], folder: Path) -> None:
+    """Refuse to write a study without designs that it has."""
+    if not is_leg_study(folder):
+        return
+    left_out = [design for design in read_study(folder)["designs"] if design not in designs]
+    if left_out:
+        raise LearningInputError(
+            f"{folder} is a study of {', '.join(left_out)} too: name all of its designs to go on with it, or "
+            "another folder with --out"
+        )
 
 
 def _land(

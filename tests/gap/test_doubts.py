@@ -21,6 +21,8 @@ from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden, faces_of
 
 RATIO = Variable("motor_lag_asymmetry", "ratio")
+MASS, SCALE = (Variable("mass_error", "relative"),), (Variable("thrust_scale", "scale"),)
+MOTORS = tuple(Variable("motor_imbalance", motor) for motor in ("m1", "m2", "m3", "m4"))
 
 
 def fitted(records: Sequence[FlightRecord], variable: Variable) -> tuple[Fitted, Training]:
@@ -78,6 +80,31 @@ def test_what_needs_a_delay_shorter_than_half_an_interval_is_not_there(delay: fl
     chance = clustered_errors(final, training)
     assert final.model.change(lag) < -DETECTABLE * chance[lag]
     assert there_without_delay([lag], final, training, chance) is there
+
+
+@pytest.mark.parametrize(
+    ("variables", "hidden", "true"),
+    some(
+        [
+            (MASS, Hidden(mass=-0.06), (-0.06,)),
+            (MOTORS, Hidden(motors=(0.95, 1.0, 1.0, 1.0)), (-0.05, 0.0, 0.0, 0.0)),
+            (SCALE, Hidden(thrust_scale=0.93), (-0.07,)),
+        ],
+        1,
+    ),
+)
+def test_what_lifts_the_vehicle_is_known_whenever_its_commands_arrive(
+    variables: tuple[Variable, ...], hidden: Hidden, true: tuple[float, ...]
+) -> None:
+    """Half an interval of a log of 50 Hz once left a mass open by 0.38: all thrusts made up for it."""
+    slow = dataclasses.replace(CALM, per_line=20, accelerometer=False)
+    model = Model(nominal(frame(), "doubts"))
+    training = training_set(flights(hidden, slow), model)
+    final = refine(model, variables, training)
+    errors = with_doubts(clustered_errors(final, training), final, training)
+    for variable, value in zip(variables, true, strict=True):
+        assert errors[variable] < 0.015
+        assert final.model.change(variable) == pytest.approx(value, abs=NINETY_FIVE * errors[variable])
 
 
 def drawing_for_lift(record: FlightRecord, flown: Model, rng: np.random.Generator) -> FlightRecord:

@@ -87,6 +87,12 @@ def test_an_accelerometer_without_gravity_is_refused_by_name(flight: Flight) -> 
     assert "gravity seems to be taken out" in reason(flight, **still)
 
 
+@pytest.mark.parametrize("other", ["ax", "ay"])
+def test_an_accelerometer_whose_axes_changed_places_is_refused_by_name(flight: Flight, other: str) -> None:
+    swapped = {other: flight.data["az"], "az": flight.data[other]}
+    assert "its axes are not those of the body" in reason(flight, **swapped)
+
+
 def test_inertial_sensors_whose_z_points_down_are_refused_by_name(flight: Flight) -> None:
     assert "(forward, right, down)" in reason(
         flight, **{k: -flight.data[k] for k in ("ay", "az", "gy", "gz")}

@@ -11,7 +11,7 @@ from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, refine, training_set
 from calibration.gap.estimate.unstated import AXES
 from calibration.gap.search.always import LOG_TIMING
-from calibration.gap.search.retest import on_unseen, unseen_set
+from calibration.gap.search.retest import on_unseen, unseen_set, where_it_shows
 from tests.gap.mujoco_flights import CALM, flights, frame
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden
@@ -47,6 +47,25 @@ def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_command
     assert not counted[quiet].any()
     assert np.array_equal(counted[~quiet], every[~quiet])
     assert np.array_equal(only_excited(counted), counted)
+
+
+def test_torques_count_where_two_models_differ_by_more_than_may_be_answers() -> None:
+    """Eights once refused an inertia that shakes had shown to a fiftieth of its size."""
+    records = flights(Hidden())
+    unseen = unseen_set(records, STOCK, training_set(records, STOCK))
+    weights = unseen.regression.weights[:, TORQUE]
+    answered, shaken = ((weights > 0.0) & (weights < 0.9)).any(axis=1), (weights > 0.98).any(axis=1)
+    assert answered.any()
+    assert shaken.any()
+
+    def counted(larger: float) -> np.ndarray:
+        inertias = {Variable("inertia_error", axis): larger for axis in ("xx", "yy", "zz")}
+        return where_it_shows(unseen, STOCK.with_values(inertias), STOCK).regression.weights[:, TORQUE]
+
+    assert np.array_equal(counted(0.9), weights)
+    a_twentieth = counted(0.05)
+    assert not a_twentieth[(weights > 0.0) & (weights < 0.9)].any()
+    assert np.array_equal(a_twentieth[weights > 0.98], weights[weights > 0.98])
 
 
 @pytest.mark.further

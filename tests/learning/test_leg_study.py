@@ -14,6 +14,7 @@ from perchhw.cli.main import run
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.executor import LocalThreads
 from perchhw.learning.leg_landings import COLUMNS, FACTOR_COLUMNS
+from perchhw.learning.leg_results import SCHEMA
 from perchhw.learning.leg_study import run_leg_study
 from perchhw.learning.leg_trends import Pairs, trends
 from perchhw.learning.setup import LearningSetup
@@ -92,6 +93,15 @@ def test_study_does_not_depend_on_workers_and_resumes(study: Path, tmp_path: Pat
     run_leg_study(SETUP, designs, GRID, tmp_path, rollouts=5, executor=LocalThreads(1), resume=True)
     for name in ("landings.csv", "study.json", "wide-short/pairs.csv"):
         assert (tmp_path / name).read_bytes() == (study / name).read_bytes(), name
+
+
+def test_a_study_is_not_gone_on_with_without_designs_that_it_has(tmp_path: Path) -> None:
+    """They would be gone from its landings, its numbers and its page."""
+    before = {"schema": SCHEMA, "designs": {"narrow-long": {}, "wide-long": {}}}
+    (tmp_path / "study.json").write_text(json.dumps(before))
+    with pytest.raises(LearningInputError, match=r"a study of wide-long too: name all .* --out"):
+        run_leg_study(SETUP, ("narrow-long", "wide-short"), GRID, tmp_path, resume=True)
+    assert json.loads((tmp_path / "study.json").read_text()) == before
 
 
 def test_what_cannot_be_studied_is_refused(tmp_path: Path) -> None:

@@ -169,6 +169,11 @@ def _of_accelerometer(force: FloatArray) -> Iterator[str]:
             f"the accelerometer shows {upward:.1f} m/s2 along z in flight: its z seems to point down "
             "(forward, right, down); change the signs of y and z of accelerometer and gyro"
         )
+    elif abs(upward) < _GRAVITY_FELT < felt:
+        yield (
+            f"the accelerometer shows {upward:.1f} of {felt:.1f} m/s2 along z in flight: its axes are not "
+            "those of the body; name ax, ay, az by the body's axes (z up along the thrust)"
+        )
     elif _IN_G[0] < felt < _IN_G[1]:
         yield f"the accelerometer shows {felt:.1f} in flight: it seems to be in g; multiply it by 9.81"
 

@@ -24,9 +24,8 @@ _ORDINARY, _ORDINARY_YAW = 10.0, 50.0
 torque in hover, and half of it about b_z, where that is next to nothing and a rotor that leans turns as much.
 A vehicle that tips over at take-off has a torque of its own in every flight."""
 
-_SCALE = [nuisance.name for nuisance in NUISANCES].index("thrust_scale")
-_LEAST_COURSE = 0.01
-"""Scale of thrust in the first part of a flight less that in the others, on average: 5 cm after 1 s."""
+_LEAST_COURSES = {"thrust_scale": 0.01, "force_bias_x": 0.1, "force_bias_y": 0.1}
+"""Nuisances in the first part of a flight less those in the others, on average: each 5 cm after 1 s."""
 
 
 class SharedNuisance(NamedTuple):
@@ -58,13 +57,16 @@ def every_mean(fitted: Fitted, vehicle: Vehicle) -> tuple[SharedNuisance, ...]:
 
 
 def _courses(fitted: Fitted) -> tuple[SharedNuisance, ...]:
-    """The scale of thrust, where its parts do not merely scatter about their flight's own: all begin alike.
+    """Forces, where their parts do not merely scatter about their flight's own: all begin alike.
 
-    The first part is held against the others: what warms, relaxes or settles does so most at first.
+    The first part is held against the others: what warms, relaxes or settles does so most at first, and what
+    grows is least then.
     """
-    parts = _by_part(fitted)[:, :, [_SCALE]]
+    forces = [index for index, nuisance in enumerate(NUISANCES) if nuisance.name in _LEAST_COURSES]
+    parts = _by_part(fitted)[:, :, forces]
     begun = parts[:, 0] - parts[:, 1:].mean(axis=1)
-    return _means([("thrust_scale at first", NUISANCES[_SCALE].unit)], begun, np.array([_LEAST_COURSE]))
+    names = [(f"{NUISANCES[index].name} at first", NUISANCES[index].unit) for index in forces]
+    return _means(names, begun, np.array([_LEAST_COURSES[NUISANCES[index].name] for index in forces]))
 
 
 def beyond_the_ordinary(fitted: Fitted, vehicle: Vehicle) -> tuple[tuple[str, float, str], ...]:

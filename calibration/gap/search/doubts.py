@@ -13,6 +13,7 @@ import numpy as np
 from calibration.gap.data.signals import VOLTAGE
 from calibration.gap.estimate.acceptance import NINETY_FIVE, drift
 from calibration.gap.estimate.model import LIFT_ONLY, Model, Variable
+from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.search.always import LOG_TIMING
 from onboard.arrays import FloatArray
@@ -28,6 +29,7 @@ _RESISTANCE = Variable("battery_sag", "resistance")
 _AREAS = tuple(Variable("body_drag", f"area_{axis}") for axis in "xyz")
 _SCALE, _MASS = Variable("thrust_scale", "scale"), Variable("mass_error", "relative")
 _MOTORS = tuple(Variable("motor_imbalance", motor) for motor in ("m1", "m2", "m3", "m4"))
+_LIFT = [nuisance.name for nuisance in NUISANCES].index("thrust_scale")
 
 
 def with_doubts(chance: Mapping[Variable, float], final: Fitted, training: Training) -> dict[Variable, float]:
@@ -115,12 +117,31 @@ def _moved(
     """What variables move by where signals are predicted otherwise, and those `known` keep their values."""
     free = [i for i in range(len(final.columns)) if i not in final.columns_of(known)]
     columns, prior, at = [final.columns[i] for i in free], final.prior.of(free), final.estimate
-    theta, other = (
-        training.regression.estimate(one, columns, prior, at.fit.spread, at.noise).fit.theta
+    before, after = (
+        training.regression.estimate(one, columns, prior, at.fit.spread, at.noise).fit
         for one in (final.predicted, predicted)
     )
     variables = [v for v in final.variables if v not in known]
-    return {v: float(step) for v, step in zip(variables, other - theta, strict=False)}
+    moved = {v: float(step) for v, step in zip(variables, after.theta - before.theta, strict=False)}
+    return moved | _taken_back(moved, final.model, float((after.per_part - before.per_part)[:, _LIFT].mean()))
+
+
+def _taken_back(moved: Mapping[Variable, float], model: Model, shared: float) -> dict[Variable, float]:
+    """What a mass, a scale of thrust or four motors move by, less what the thrusts of all flights take back.
+
+    What alters quick forces moves them, as noise is whitened, and leaves it to every part's own thrust to
+    lift the vehicle as before. Flights tell both together, and nothing better: a vehicle hovers.
+
+    Args:
+        moved: what each fitted variable moves by.
+        model: from which.
+        shared: what the scales of thrust of all parts move by on average.
+    """
+    lifts = [v for v in moved if v in (_SCALE, _MASS, *_MOTORS)]
+    if lifts not in ([_SCALE], [_MASS], [*_MOTORS]):  # of two nobody knows whose it is
+        return {}
+    whole = {v: -1.0 - model.start_value(v) if v == _MASS else model.start_value(v) for v in lifts}
+    return {v: moved[v] + shared * whole[v] for v in lifts}
 
 
 def _other_timing(final: Fitted, training: Training, half: float) -> FloatArray:
