@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -46,6 +47,17 @@ def test_flights_tell_the_law(speed_law: bool) -> None:
     assert np.abs(others).max() < 0.15
     told = [words.startswith("rotors follow by their speed in first order") for words in law_in_words(fit)]
     assert told == ([True] if speed_law else [])
+
+
+def test_more_than_the_whole_of_a_law_is_another_law() -> None:
+    """Strangers read that rotors follow by their speed "1193 %"."""
+    records = flights(Hidden(), dataclasses.replace(CALM, speed_law=True))
+    model = Model(VEHICLE)
+    fit = refine(model, (LOG_TIMING,), training_set(records, model))
+    found = dataclasses.replace(fit.estimate.fit, theta=3.0 * fit.estimate.fit.theta)
+    (words,) = law_in_words(dataclasses.replace(fit, estimate=dataclasses.replace(fit.estimate, fit=found)))
+    assert "%" not in words
+    assert re.search(r"or by a law that differs (2\.[6-9]|3\.[0-5]) times as much", words)
 
 
 @pytest.mark.further

@@ -17,6 +17,9 @@ MADE_SCALE = Variable("thrust_scale", "scale")
 _MOST = 0.5
 """Share of a law from which on it is that of the rotors."""
 
+_WHOLE = 1.25
+"""Share of a law beyond which they follow by another one, which differs in the same sense."""
+
 
 def always_fitted(training: Training) -> tuple[Variable, ...]:
     """What these flights leave unknown."""
@@ -36,8 +39,14 @@ def law_in_words(final: Fitted) -> list[str]:
     shares = final.estimate.fit.theta[laws]
     errors = np.sqrt(np.diag(final.estimate.fit.covariance))[laws]
     return [
-        f"{law} ({share:.0%} +- {error:.0%} of what that changes), and no thrust of first order: the vehicle "
-        "file has it from a tachometer alone (`perchhw calibrate tachometer`); it was fitted beside names"
+        f"{law} ({_size(share, error)}), and no thrust of first order: the vehicle file has it from a "
+        "tachometer alone (`perchhw calibrate tachometer`); it was fitted beside names"
         for law, share, error in zip(LAWS, shares, errors, strict=False)
         if share > max(_MOST, DETECTABLE * error)
     ]
+
+
+def _size(share: float, error: float) -> str:
+    if share > _WHOLE:
+        return f"or by a law that differs {share:.1f} times as much: their lag may be another too"
+    return f"{share:.0%} +- {error:.0%} of what that changes"
