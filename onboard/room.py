@@ -3,6 +3,16 @@
 import math
 from dataclasses import dataclass
 
+from onboard.errors import InputError, OnboardError
+from onboard.given import given_number
+
+HIGHEST_CEILING = 50.0
+"""m. No hall is higher: such a number is a height in other units."""
+
+
+class CeilingError(OnboardError, InputError):
+    """A height that no ceiling has, or not that of the flights below it; the message says which."""
+
 
 @dataclass(frozen=True)
 class RoomGeometry:
@@ -46,3 +56,19 @@ class RoomGeometry:
     def lowest_ceiling(self) -> float:
         """Height of the ceiling where it is lowest between the walls, m."""
         return min(self.ceiling_at(x, y) for x in (self.x_min, self.x_max) for y in (self.y_min, self.y_max))
+
+
+def ceiling_height(given: object) -> float:
+    """The height (m) of a ceiling above the floor, as somebody gave it.
+
+    Raises:
+        GivenError: it is no number.
+        CeilingError: it is no height of a ceiling.
+    """
+    height = given_number(given, "ceiling_z")
+    if not 0.0 < height <= HIGHEST_CEILING:  # nor is nan
+        raise CeilingError(
+            f"a ceiling at {height:g} m cannot be: give its height above the floor in m, above 0 and at most "
+            f"{HIGHEST_CEILING:g}"
+        )
+    return height

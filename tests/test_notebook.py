@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,11 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import perchhw
 import perchhw.notebook
-from calibration.flights import FlightFileError
+from calibration.flights import Flight, FlightFileError
 from calibration.gap.find import NothingToFindError
 from onboard.errors import PerchhwError
 from onboard.link.stop_drone import stop_drone
+from onboard.room import CeilingError
 from perchhw.lab_process import LabNotReady
 from perchhw.learning.errors import LearningInputError
 from tests.conftest import REPOSITORY
@@ -58,6 +60,12 @@ def test_type_checkers_see_the_same_names() -> None:
     assert seen == set(perchhw._HOMES.items())
 
 
+@cache
+def simulated_approach() -> Flight:
+    """A flight that any function here takes."""
+    return perchhw.simulate_approach("default", 2.5, 50.0)
+
+
 @pytest.mark.parametrize(
     ("speed", "angle_deg", "problem"),
     [
@@ -72,6 +80,24 @@ def test_an_approach_that_cannot_be_is_not_simulated(speed: float, angle_deg: fl
     policy = perchhw.load_policy("default")
     with pytest.raises(LearningInputError, match=f"{problem} makes no approach"):
         perchhw.simulate_approach(policy, speed, angle_deg)
+
+
+NO_CEILINGS = [(float("nan"), "at nan m"), (-1.0, "at -1 m"), (0, "at 0 m"), (2100, "at 2100 m")]
+
+
+@pytest.mark.parametrize(("ceiling_z", "problem"), NO_CEILINGS)
+def test_below_a_ceiling_that_cannot_be_nothing_is_learned_labelled_or_found(
+    ceiling_z: float, problem: str
+) -> None:
+    vehicle = perchhw.load_vehicle("crazyflie21-upgraded")
+    flight = simulated_approach()
+    for ask in (
+        lambda: perchhw.LearningSetup(ceiling_z=ceiling_z),
+        lambda: perchhw.label_flight(flight, vehicle, ceiling_z=ceiling_z),
+        lambda: perchhw.find_gap([flight], vehicle, ceiling_z=ceiling_z),
+    ):
+        with pytest.raises(CeilingError, match=f"a ceiling {problem} cannot be"):
+            ask()
 
 
 @pytest.mark.further

@@ -17,6 +17,7 @@ from calibration.gap.data.names import distinctly_named
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
+from calibration.gap.data.under_ceiling import under_ceiling
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Training, training_set
@@ -55,6 +56,7 @@ from calibration.gap.unnamed.fitted_terms import FittedTerm, residual_map, with_
 from calibration.gap.unnamed.gap_map import GapMap
 from onboard.errors import InputError
 from onboard.linear_algebra import on_one_thread
+from onboard.room import ceiling_height
 from onboard.vehicle import Vehicle
 
 
@@ -93,6 +95,15 @@ class GapQuestion:
     seed: int = 0
     ceiling_z: float | None = None
     unusable: Sequence[NotUsed] = field(default=())
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be asked, and make numbers of numpy plain ones, as the report has them.
+
+        Raises:
+            CeilingError: there is no such ceiling.
+        """
+        if self.ceiling_z is not None:
+            object.__setattr__(self, "ceiling_z", ceiling_height(self.ceiling_z))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +156,7 @@ def find_gap(
 
     Raises:
         NothingToFindError: not one flight can be used.
+        CeilingError: a flight goes clearly above the ceiling that was asked for.
     """
     # Names and order of the files decide nothing.
     flights = sorted(distinctly_named(flights), key=content_hash)
@@ -174,7 +186,7 @@ def _flown(flights: Sequence[Flight], question: GapQuestion, progress: Progress)
         reasons = "; ".join(f"{item.name}: {item.reason}" for item in not_used)
         raise NothingToFindError(f"no flight can be used: {reasons}")
     check_motor_order(corrected, question.vehicle)
-    ceiling = _ceiling(question, corrected)
+    ceiling = _ceiling(corrected)
     corrected = clear_of_floor([record.under(ceiling) for record in corrected], question.vehicle)
     to_fit, kept_back = split_flights(corrected)
     lag = voltage_lag([corrected[i] for i in to_fit], Model(question.vehicle, {}, ceiling))
@@ -266,13 +278,15 @@ def _prepared(flights: Sequence[Flight], question: GapQuestion) -> PreparedFligh
             for reason, names in files.items()
         )
         raise NothingToFindError(f"no usable flight: {'; '.join(reasons) or 'none was given'}")
-    return prepared
+    if question.ceiling_z is None:
+        return prepared
+    return replace(prepared, records=tuple(under_ceiling(prepared.records, question.ceiling_z)))
 
 
-def _ceiling(question: GapQuestion, records: Sequence[FlightRecord]) -> float | None:
-    """Height (m) of the ceiling: as asked, else as all records that know it agree on."""
+def _ceiling(records: Sequence[FlightRecord]) -> float | None:
+    """Height (m) of the ceiling, as all records that know it agree on."""
     told = {record.ceiling_z for record in records if record.ceiling_z is not None}
-    return question.ceiling_z if question.ceiling_z is not None or len(told) != 1 else told.pop()
+    return told.pop() if len(told) == 1 else None
 
 
 def _verdict(effects: Sequence[FoundEffect], explained: bool, landings: LandingFindings | None) -> Verdict:

@@ -52,13 +52,16 @@ def evaluate(
     ] = 0.0,
 ) -> None:
     """How well a model predicts flights: mean errors by horizon, and what no model could beat."""
+    from calibration.gap.data.under_ceiling import under_ceiling
     from calibration.gap.replay import evaluate as predict
+    from onboard.room import ceiling_height
     from onboard.vehicle import load_vehicle
 
     seconds = _seconds(horizons)
     model = load_vehicle(vehicle, legs=legs)
+    height = None if ceiling is None else ceiling_height(ceiling)
     flights, unusable = read_records([*data, *(more or [])], format)
-    records = [record.under(ceiling) for record in flights.records]
+    records = list(flights.records) if height is None else under_ceiling(flights.records, height)
     errors = predict(records, model, seconds, calibrate_first_s)
     document = as_json(errors)
     document["unusable"] = unusable + [

@@ -45,14 +45,14 @@ def suggest_command(
     from calibration.gap.suggest.open_questions import read_questions
     from calibration.gap.suggest.suggestions import Suggester
     from onboard.manoeuvres import MANOEUVRES
-    from onboard.room import RoomGeometry
+    from onboard.room import RoomGeometry, ceiling_height
     from onboard.vehicle import load_vehicle
 
     questions = read_questions(report)
     name = vehicle or _beside(report)
     if Path(name).is_file():
         name = str(Path(name).resolve())  # the campaign may be flown from elsewhere
-    room = RoomGeometry(ceiling_z=ceiling)
+    room = RoomGeometry(ceiling_z=ceiling_height(ceiling))
     screen = progress_console()
     search = Suggester(
         vehicle=load_vehicle(name, legs),

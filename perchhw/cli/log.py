@@ -127,11 +127,14 @@ def label(
     """
     from calibration.flights import open_flight
     from onboard.errors import InputError
+    from onboard.room import ceiling_height
     from onboard.vehicle import load_vehicle
     from perchhw.label import LabelError, label_flight
 
     if vehicle is not None:
         load_vehicle(vehicle, legs)  # a wrong option is no fault of the files
+    if ceiling_z is not None:
+        ceiling_height(ceiling_z)
     labels: list[dict[str, Any]] = []
     unusable: list[dict[str, str]] = []
     for file in files:

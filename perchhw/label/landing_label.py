@@ -5,12 +5,13 @@ Legs cannot be seen by motion capture: the outcome follows from how the vehicle 
 ``docs/labels.md``.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from calibration.flights import Flight, PoseSource
+from onboard.room import ceiling_height
 from onboard.vehicle import Vehicle
 from perchhw.attempt import Outcome
 from perchhw.label.evidence import Hold, Touch
@@ -73,13 +74,15 @@ def label_flight(flight: Flight, vehicle: Vehicle, ceiling_z: float | None = Non
 
     Raises:
         LabelError: the flight lacks what a label needs; the message says what.
+        CeilingError: there is no such ceiling.
     """
+    if ceiling_z is not None:
+        flight = replace(flight, ceiling_z=ceiling_height(ceiling_z))
     if flight.has("legs_attached"):
         return label_from_truth(flight)
     if flight.trigger is None:
         return _label_without_trigger(flight)
-    height = ceiling_z if ceiling_z is not None else flight.ceiling_z
-    if height is None:
+    if flight.ceiling_z is None:
         raise LabelError(f"{flight.source}: the ceiling's height is unknown; give it (--ceiling-z M)")
     remaining = float(flight.t[-1]) - flight.trigger.t
     if remaining < SETTLE_S + MINIMUM_WINDOW_S and (flight.aborted_by is not None or not flight.finished):
@@ -90,7 +93,7 @@ def label_flight(flight: Flight, vehicle: Vehicle, ceiling_z: float | None = Non
             "record_finished": flight.finished,
         }
         return LandingLabel(Outcome.ABORTED, "events", False, evidence, (_LIMIT_TOO_SHORT,))
-    return _label_triggered(flight, flight.trigger.t, landing_geometry(vehicle), height)
+    return _label_triggered(flight, flight.trigger.t, landing_geometry(vehicle), flight.ceiling_z)
 
 
 def label_from_truth(flight: Flight) -> LandingLabel:

@@ -11,7 +11,7 @@ import numpy as np
 
 from onboard.controller import AUTHORS_GAINS, ControllerGains, controller_gains
 from onboard.quantity import Quantity
-from onboard.room import RoomGeometry
+from onboard.room import RoomGeometry, ceiling_height
 from onboard.vehicle import Vehicle, VehicleFileError, load_vehicle, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
 from onboard.vehicle.fingerprint import fingerprint
@@ -99,7 +99,7 @@ class LearningSetup:
         reward, domain, sensing, gains: names of presets.
         randomise: quantities of the vehicle file that are drawn too, ``NAME`` or ``NAME=SIGMA``
             (:mod:`vehicle_pool`); a name replaces what the preset says of it.
-        ceiling_z: m.
+        ceiling_z: m, above the floor.
         seed: of everything random.
         launch: values of :class:`sim_backend.physics.launch.Launch` in place of those of `sensing`.
     """
@@ -116,6 +116,14 @@ class LearningSetup:
     ceiling_z: float = RoomGeometry().ceiling_z
     seed: int = 0
     launch: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what no rollout can have, and make numbers of numpy plain ones, which JSON can hold.
+
+        Raises:
+            CeilingError: there is no such ceiling.
+        """
+        object.__setattr__(self, "ceiling_z", ceiling_height(self.ceiling_z))
 
     def load_vehicle(self) -> Vehicle:
         """The vehicle with the legs that are asked for.

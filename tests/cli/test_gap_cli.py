@@ -118,6 +118,8 @@ def test_evaluate_doubts_the_file_of_another_vehicle(
         (["--data", "{folder}", "--vehicle", NAME, "--horizons", "1.0,0.5"], "increasing"),
         (["--data", "{folder}", "--vehicle", NAME, "--horizons", "60"], "no 60 s of free flight"),
         (["--data", "{folder}", "--vehicle", NAME, "--format", "xls"], "xls"),
+        (["--data", "{folder}", "--vehicle", NAME, "--ceiling", "-1"], "a ceiling at -1 m cannot be"),
+        (["--data", "{folder}", "--vehicle", NAME, "--ceiling", "0.6"], "above the ceiling at 0.6 m"),
         (["--vehicle", NAME], "--data"),
     ],
 )
@@ -129,6 +131,19 @@ def test_what_cannot_be_used_exits_2(
     assert code == 2
     assert message in errors
     assert document["exit_code"] == 2
+
+
+@pytest.mark.parametrize(
+    ("ceiling", "message"), [("0", "a ceiling at 0 m cannot be"), ("0.6", "above the ceiling at 0.6 m")]
+)
+def test_find_refuses_a_ceiling_that_cannot_be(
+    capsys: pytest.CaptureFixture[str], flights: Path, tmp_path: Path, ceiling: str, message: str
+) -> None:
+    options = ["--data", flights, "--vehicle", NAME, "--out", tmp_path / "out", "--ceiling", ceiling]
+    code, document, errors = call(capsys, "gap", "find", *options)
+    assert (code, document["exit_code"]) == (2, 2)
+    assert message in errors
+    assert not list((tmp_path / "out").glob("*"))
 
 
 def test_the_table_for_a_person_has_the_numbers(capsys: pytest.CaptureFixture[str], flights: Path) -> None:

@@ -232,6 +232,15 @@ def test_export_is_complete_and_reads_back(
     assert (code, labelled["outcome"]) == (0, "four_leg")
 
 
+def test_a_ceiling_that_cannot_be_is_no_fault_of_the_files(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    code, _, errors = call(capsys, "log", "label", tmp_path / "none.csv", "--ceiling-z", "2100")
+    assert code == 2
+    assert "a ceiling at 2100 m cannot be" in errors
+    assert "unusable" not in errors
+
+
 def test_export_to_parquet(capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path) -> None:
     from pyarrow import parquet
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.under_ceiling import under_ceiling
 from calibration.gap.estimate.acceptance import Judgement
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import refine, training_set
@@ -14,6 +15,7 @@ from calibration.gap.report.proof import proof
 from calibration.gap.search.forward import Search
 from calibration.gap.search.naming import Named
 from calibration.gap.search.selection import SelectionStep
+from onboard.room import CeilingError
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import fly, up_and_down, with_noise
 
@@ -49,3 +51,25 @@ def test_a_name_is_proved_below_the_ceiling_that_it_is_of() -> None:
 def test_whoever_says_how_high_the_ceiling_is_knows_better_than_the_record(told: float | None) -> None:
     known = dataclasses.replace(climb(), ceiling_z=CEILING)
     assert known.under(told).ceiling_z == (told or CEILING)
+
+
+def test_a_ceiling_that_a_flight_goes_above_is_refused_with_both_heights() -> None:
+    with pytest.raises(CeilingError, match=rf"{climb().name} flies at 1\.1\d m, above the ceiling at 1 m"):
+        under_ceiling([climb()], 1.0)
+
+
+@pytest.mark.parametrize(("jump_s", "refused"), [(0.05, False), (0.5, True)])
+def test_a_pose_that_jumps_above_the_ceiling_is_no_flight_above_it(jump_s: float, refused: bool) -> None:
+    position = climb().position.copy()
+    position[100 : 100 + round(jump_s / climb().dt), 2] += 3.0
+    jumped = dataclasses.replace(climb(), position=position)
+    if refused:
+        with pytest.raises(CeilingError):
+            under_ceiling([jumped], CEILING)
+    else:
+        assert [record.ceiling_z for record in under_ceiling([jumped], CEILING)] == [CEILING]
+
+
+def test_a_ceiling_a_little_below_the_flights_is_one_that_was_measured_otherwise() -> None:
+    top = float(climb().position[:, 2].max())
+    assert under_ceiling([climb()], top - 0.03)

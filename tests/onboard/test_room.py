@@ -2,11 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.room import RoomGeometry
+from onboard.errors import InputError
+from onboard.room import RoomGeometry, ceiling_height
 from onboard.trajectory import fit_approach
 
 TILTED = RoomGeometry(floor_z=-0.1, ceiling_tilt_x=math.radians(2.0), ceiling_tilt_y=math.radians(-1.0))
@@ -61,3 +63,25 @@ def test_an_approach_aims_at_the_ceiling_above_its_impact_point() -> None:
     plan = fit_approach(2.5, 55.0, TILTED, impact_x=0.5, impact_y=-0.3)
     assert plan.ceiling_z == TILTED.ceiling_at(0.5, -0.3)
     assert plan.z0 + plan.vz * plan.t_z / 2.0 + plan.vz * plan.tau0 == pytest.approx(plan.ceiling_z)
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        (math.nan, "a ceiling at nan m cannot be"),
+        (math.inf, "a ceiling at inf m cannot be"),
+        (0, "a ceiling at 0 m cannot be"),
+        (-1.0, "a ceiling at -1 m cannot be"),
+        (2100, "a ceiling at 2100 m cannot be: give its height above the floor in m"),
+        ("2.1", "ceiling_z is '2.1': give a number"),
+        (True, "ceiling_z is True: give a number"),
+    ],
+)
+def test_what_is_no_height_of_a_ceiling_is_refused(given: object, problem: str) -> None:
+    with pytest.raises(InputError, match=problem):
+        ceiling_height(given)
+
+
+@pytest.mark.parametrize("given", [2, 2.0, np.float32(2.0), np.int64(2)])
+def test_the_height_of_a_ceiling_is_a_plain_number(given: object) -> None:
+    assert repr(ceiling_height(given)) == "2.0"
