@@ -1,6 +1,9 @@
-"""Numbers that a script or a notebook gives: those of numpy become plain ones, what is none is refused."""
+"""What a script or a notebook gives: numbers of numpy become plain ones, what is of another kind is told."""
 
-from numbers import Real
+from collections.abc import Iterable
+from numbers import Integral, Real
+from pathlib import Path
+from reprlib import repr as short
 
 from onboard.errors import InputError, OnboardError
 
@@ -16,5 +19,39 @@ def given_number(value: object, name: str) -> float:
         GivenError: it is none.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise GivenError(f"{name} is {value!r}: give a number")
+        raise GivenError(f"{name}: {short(value)} is no number")
     return float(value)
+
+
+def given_numbers(values: object, name: str) -> tuple[float, ...]:
+    """The numbers that were given as `name`.
+
+    Raises:
+        GivenError: one of them is none, or they are no list of them.
+    """
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise GivenError(f"{name}: {short(values)} is no list of numbers; write one number in brackets, too")
+    return tuple(given_number(value, name) for value in values)
+
+
+def given_count(value: object, name: str, least: int = 0) -> int:
+    """The whole number that was given as `name`.
+
+    Raises:
+        GivenError: it is none, or below `least`.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise GivenError(f"{name}: {short(value)} is no whole number of at least {least}")
+    return int(value)
+
+
+def given_name(value: object, name: str) -> str:
+    """The name or path that was given as `name`.
+
+    Raises:
+        GivenError: it is neither, or empty.
+    """
+    if isinstance(value, str | Path) and str(value).strip():
+        return str(value)
+    given = "is empty" if isinstance(value, str) else f"is a {type(value).__name__}"
+    raise GivenError(f"{name} {given}: give a name or a file")

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from perchhw.attempt import AttemptRequest as AttemptRequest
     from perchhw.flight import fly_attempt as fly_attempt
     from perchhw.lab_process import SimulatedLab as SimulatedLab
-    from perchhw.label import label_flight as label_flight
     from perchhw.learning.setup import LearningSetup as LearningSetup
     from perchhw.notebook import find_gap as find_gap
     from perchhw.notebook import fly as fly
     from perchhw.notebook import fly_campaign as fly_campaign
+    from perchhw.notebook import label_flight as label_flight
     from perchhw.notebook import load_policy as load_policy
     from perchhw.notebook import open_flights as open_flights
     from perchhw.notebook import simulate_approach as simulate_approach
@@ -40,7 +40,7 @@ _HOMES = {
     "fly": "perchhw.notebook",
     "fly_attempt": "perchhw.flight",
     "fly_campaign": "perchhw.notebook",
-    "label_flight": "perchhw.label",
+    "label_flight": "perchhw.notebook",
     "load_policy": "perchhw.notebook",
     "load_vehicle": "onboard.vehicle",
     "open_flight": "calibration.flights",

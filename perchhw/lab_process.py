@@ -67,8 +67,10 @@ class SimulatedLab:
         """The lab file of its room.
 
         Raises:
-            LabNotReady: it has none yet, or is a part that has no room with a drone.
+            LabNotReady: it has none yet or any more, or is a part that has no room with a drone.
         """
+        if self._process is not None and self._process.poll() is not None:
+            raise LabNotReady("no lab file: the simulated lab was closed, or has ended: open another")
         if "lab" not in self.ready:
             raise LabNotReady(
                 "no lab file: the simulated lab is not running, or not a whole one: open it first"

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from onboard.given import GivenError, given_count, given_name, given_numbers
 from onboard.linear_algebra import on_one_thread
 from onboard.policy.files import Policy, find_policy
 from onboard.policy.files import load_policy as read_policy
@@ -17,8 +18,11 @@ if TYPE_CHECKING:
     from perchhw.attempt import AttemptResult
     from perchhw.campaign import AttemptRow
     from perchhw.lab_process import SimulatedLab
+    from perchhw.label import LandingLabel
     from perchhw.learning.setup import LearningSetup
     from perchhw.learning.sweep import SweepSummary
+
+_OPENED_SO = ": flights, unusable = perchhw.open_flights(PATH) gives some, and what was left out"
 
 
 def load_policy(name_or_path: str | Path = "default") -> Policy:
@@ -26,6 +30,7 @@ def load_policy(name_or_path: str | Path = "default") -> Policy:
 
     Raises:
         PolicyError: there is none, or it cannot be used.
+        GivenError: it is neither a name nor a file.
 
     >>> load_policy("default").name
     'default'
@@ -56,6 +61,7 @@ def simulate_approach(
     Raises:
         LearningInputError: no approach has such a speed or angle, or the setup cannot be used.
         PolicyError, VehicleFileError: nor can policy or vehicle.
+        GivenError: speed, angle or seed is no number of its kind.
 
     >>> flight = simulate_approach(load_policy(), 2.5, 50.0)
     >>> bool(flight.data["z"][-1] > 2.0), int(flight.data["legs_attached"][-1])   # it hangs by all its legs
@@ -93,6 +99,7 @@ def sweep(
 
     Raises:
         LearningInputError: the grid, the setup or the folder cannot be used.
+        GivenError: speeds, angles or repeats are no numbers of their kind.
 
     >>> import tempfile
     >>> summary = sweep(tempfile.mkdtemp(), speeds=[3.0], angles_deg=[37.5])
@@ -102,7 +109,11 @@ def sweep(
     from perchhw.learning.setup import LearningSetup
     from perchhw.learning.sweep import SweepGrid, run_sweep
 
-    grid = SweepGrid(tuple(speeds), tuple(angles_deg), repeats)
+    grid = SweepGrid(
+        given_numbers(speeds, "speeds"),
+        given_numbers(angles_deg, "angles_deg"),
+        given_count(repeats, "repeats", least=1),
+    )
     return run_sweep(setup or LearningSetup(), grid, Path(folder), resume=resume)
 
 
@@ -115,17 +126,19 @@ def train(
     Args:
         folder: of the sweep.
         name: of the policy.
-        landing_rate_min: pairs below are left out.
+        landing_rate_min: pairs below are left out, 0 to 1.
         seed: of everything random.
 
     Raises:
         TrainingError: the pairs are too few or do not vary.
-        LearningInputError: the folder holds no sweep that can be used.
+        TrainingSetError: the folder holds no sweep that can be used, or the least landing rate is none.
+        GivenError: the seed is none, or the rate no number.
     """
     from perchhw.learning.sweep_folder import PAIRS_FILE
     from perchhw.learning.train import train_policy
     from perchhw.learning.training_set import load_training_set
 
+    seed = given_count(seed, "seed")
     pairs = load_training_set(Path(folder) / PAIRS_FILE, landing_rate_min=landing_rate_min)
     return train_policy(pairs, name=name, seed=seed).policy
 
@@ -135,7 +148,7 @@ def fly(
     speed: float,
     angle_deg: float,
     *,
-    policy: str = "default",
+    policy: str | Path = "default",
     out: str | Path = "runs",
     confirm: Callable[[str], object] | None = None,
 ) -> "AttemptResult":
@@ -145,14 +158,14 @@ def fly(
         lab: a running simulated lab, or the lab file of the laboratory.
         speed: on the approach line, m/s.
         angle_deg: of that line above the horizon, deg.
-        policy: name or file.
+        policy: name or file; one that was only trained is saved first (:func:`perchhw.save_policy`).
         out: folder for the record (a new folder inside it).
         confirm: asks somebody to put a drone that is locked, as after every flight and every stop, back on
             its start mark, and returns when that is done, as ``input`` does; then it is rebooted. In a
             simulated lab nobody has to. None: such a drone ends the attempt before take-off.
 
     Raises:
-        PerchhwError: the attempt cannot begin.
+        PerchhwError: the attempt cannot begin; GivenError: `policy` is neither name nor file.
         AttemptInterrupted: Ctrl-C; the drone was stopped and the record closed first.
     """
     from perchhw.flight import check_attempt, fly_attempt
@@ -160,7 +173,9 @@ def fly(
     from perchhw.lab import flight_setup
     from perchhw.record import discard_if_empty
 
-    setup = flight_setup(_lab_file(lab), policy=policy)
+    if isinstance(policy, Policy):
+        raise GivenError("policy is a Policy: save it with perchhw.save_policy, and give its file")
+    setup = flight_setup(_lab_file(lab), policy=given_name(policy, "policy"))
     setup.check()
     request = setup.attempt(speed, angle_deg, Path(out))
     try:
@@ -181,7 +196,8 @@ def fly_campaign(
     confirm: Callable[[str], object],
     resume: bool = False,
 ) -> "list[AttemptRow]":
-    """The attempts of a campaign file with a grid, and their report; as ``perchhw campaign run``.
+    """The attempts of a campaign file with a grid, and their report; as ``perchhw campaign run``, which flies
+    test flights, too.
 
     Args:
         lab: a running simulated lab, or the lab file of the laboratory.
@@ -193,15 +209,20 @@ def fly_campaign(
 
     Raises:
         CampaignStopped: too many attempts in a row were aborted, or the drone must be looked at first.
-        PerchhwError: file, folder or drone cannot be used.
+        PerchhwError: file, folder or drone cannot be used, or the file is one of test flights.
         KeyboardInterrupt: Ctrl-C; the drone was stopped and the attempt is planned again.
     """
-    from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
+    from perchhw.campaign import CampaignFileError, CampaignStopped, check_approaches, load_plan, run_campaign
+    from perchhw.campaign.courses import has_flights
     from perchhw.campaign.run import refuse_running
     from perchhw.campaign.seats import drone_names, hold_all
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.report.campaign_report import write_campaign_report
 
+    if has_flights(Path(file)):
+        raise CampaignFileError(
+            f"{file}: holds test flights, no grid of landings: `perchhw campaign run {file}` flies them"
+        )
     plan = load_plan(Path(file), _lab_file(lab))
     check_approaches(plan)
     refuse_running(Path(folder))
@@ -237,9 +258,32 @@ def open_flights(*paths: str | Path, format: str = "auto") -> "tuple[list[Flight
     return flights.open_flights(flights.flight_files(paths), format)
 
 
+def label_flight(
+    flight: "Flight", vehicle: "Vehicle | str | Path", ceiling_z: float | None = None
+) -> "LandingLabel":
+    """The landing outcome of a flight, with the evidence for it; as ``perchhw log label``.
+
+    Args:
+        flight: see :func:`open_flights`.
+        vehicle: with legs, or its name or file.
+        ceiling_z: height of the ceiling, m; default: the flight's own.
+
+    Raises:
+        LabelError: the flight lacks what a label needs; the message says what.
+        VehicleFileError: the vehicle cannot be used.
+        CeilingError: there is no such ceiling.
+        GivenError: `flight` or `vehicle` is something else.
+    """
+    from perchhw.label import label_flight
+
+    (flight,) = _flights([flight])
+    return label_flight(flight, _vehicle(vehicle), ceiling_z)
+
+
+@on_one_thread()
 def find_gap(
     flights: "Sequence[Flight]",
-    vehicle: "Vehicle",
+    vehicle: "Vehicle | str | Path",
     *,
     ceiling_z: float | None = None,
     seed: int = 0,
@@ -248,14 +292,35 @@ def find_gap(
 
     Args:
         flights: see :func:`open_flights`.
-        vehicle: the model.
+        vehicle: the model, or its name or file.
         ceiling_z: height of the ceiling, m, if there is one.
         seed: of everything random.
 
     Raises:
         NothingToFindError: not one flight can be used.
+        VehicleFileError: nor can the vehicle.
+        CeilingError: there is no such ceiling, or a flight goes clearly above it.
+        GivenError: `flights`, `vehicle` or `seed` is something else.
     """
     from calibration.gap import find
 
-    asked = find.GapQuestion(vehicle=vehicle, seed=seed, ceiling_z=ceiling_z)
-    return find.find_gap(flights, asked)
+    asked = find.GapQuestion(vehicle=_vehicle(vehicle), seed=seed, ceiling_z=ceiling_z)
+    return find.find_gap(_flights(flights), asked)
+
+
+def _vehicle(given: "Vehicle | str | Path") -> "Vehicle":
+    from onboard.vehicle import Vehicle, load_vehicle
+
+    return given if isinstance(given, Vehicle) else load_vehicle(given_name(given, "vehicle"))
+
+
+def _flights(given: "Sequence[Flight]") -> "list[Flight]":
+    from calibration.flights import Flight
+
+    if isinstance(given, str | Path) or not isinstance(given, Iterable):
+        raise GivenError(f"flights is a {type(given).__name__}, no list of flights{_OPENED_SO}")
+    flights = list(given)
+    for one in flights:
+        if not isinstance(one, Flight):
+            raise GivenError(f"a {type(one).__name__} is no flight{_OPENED_SO}")
+    return flights

@@ -2,10 +2,12 @@
 
 import ast
 import doctest
+import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,13 +18,16 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import perchhw
 import perchhw.notebook
-from calibration.flights import Flight, FlightFileError
+from calibration.flights import Flight, FlightFileError, PoseSource
+from calibration.flights.flight import finite_masks
 from calibration.gap.find import NothingToFindError
-from onboard.errors import PerchhwError
+from onboard.errors import InputError, PerchhwError
 from onboard.link.stop_drone import stop_drone
 from onboard.room import CeilingError
+from perchhw.campaign import CampaignFileError
 from perchhw.lab_process import LabNotReady
 from perchhw.learning.errors import LearningInputError
+from perchhw.learning.sweep import SweepGrid
 from tests.conftest import REPOSITORY
 
 
@@ -60,10 +65,23 @@ def test_type_checkers_see_the_same_names() -> None:
     assert seen == set(perchhw._HOMES.items())
 
 
+NAME = "crazyflie21-upgraded"
+
+
 @cache
-def simulated_approach() -> Flight:
-    """A flight that any function here takes."""
-    return perchhw.simulate_approach("default", 2.5, 50.0)
+def hanging_flight() -> Flight:
+    """A flight that any function here takes: it hangs by four legs."""
+    t = np.arange(0.0, 1.0, 0.01)
+    data = {"legs_attached": np.full(t.size, 4.0)}
+    return Flight(
+        name="hangs",
+        source=Path("hangs.csv"),
+        format="table",
+        pose_source=PoseSource.TRUTH,
+        t=t,
+        data=data,
+        valid=finite_masks(data),
+    )
 
 
 @pytest.mark.parametrize(
@@ -89,8 +107,8 @@ NO_CEILINGS = [(float("nan"), "at nan m"), (-1.0, "at -1 m"), (0, "at 0 m"), (21
 def test_below_a_ceiling_that_cannot_be_nothing_is_learned_labelled_or_found(
     ceiling_z: float, problem: str
 ) -> None:
-    vehicle = perchhw.load_vehicle("crazyflie21-upgraded")
-    flight = simulated_approach()
+    vehicle = perchhw.load_vehicle(NAME)
+    flight = hanging_flight()
     for ask in (
         lambda: perchhw.LearningSetup(ceiling_z=ceiling_z),
         lambda: perchhw.label_flight(flight, vehicle, ceiling_z=ceiling_z),
@@ -98,6 +116,93 @@ def test_below_a_ceiling_that_cannot_be_nothing_is_learned_labelled_or_found(
     ):
         with pytest.raises(CeilingError, match=f"a ceiling {problem} cannot be"):
             ask()
+
+
+@pytest.mark.parametrize(
+    ("ask", "problem"),
+    [
+        (lambda: perchhw.simulate_approach("default", "2.5", 50.0), "speed: '2.5' is no number"),  # type: ignore[arg-type]
+        (lambda: perchhw.simulate_approach("default", 2.5, None), "angle_deg: None is no number"),  # type: ignore[arg-type]
+        (lambda: perchhw.simulate_approach("default", 2.5, 50.0, seed=-1), "seed: -1 is no whole number"),
+        (lambda: perchhw.LearningSetup(seed=1.5), "seed: 1.5 is no whole number"),  # type: ignore[arg-type]
+        (lambda: perchhw.train("none", seed=-1), "seed: -1 is no whole number"),
+        (lambda: perchhw.train("none", landing_rate_min="0.6"), "landing_rate_min: '0.6' is no number"),  # type: ignore[arg-type]
+        (lambda: perchhw.train("none", landing_rate_min=2), "landing_rate_min 2 is no rate: give 0 to 1"),
+        (lambda: perchhw.train("none", landing_rate_min=-1), "landing_rate_min -1 is no rate"),
+        (lambda: perchhw.find_gap([], NAME, seed=1.5), "seed: 1.5 is no whole number of at least 0"),  # type: ignore[arg-type]
+        (lambda: perchhw.load_policy(""), "policy is empty: give a name or a file"),
+        (lambda: perchhw.load_policy(None), "policy is a NoneType: give a name or a file"),  # type: ignore[arg-type]
+        (lambda: perchhw.fly("none", 2.5, 50.0, policy=perchhw.load_policy()), "perchhw.save_policy"),  # type: ignore[arg-type]
+        (lambda: perchhw.LearningSetup(vehicle=perchhw.load_vehicle(NAME)), "vehicle is a Vehicle: give a n"),  # type: ignore[arg-type]
+        (lambda: perchhw.find_gap("runs", NAME), "flights is a str, no list of flights: flights, unusable ="),  # type: ignore[arg-type]
+        (lambda: perchhw.find_gap(([], []), NAME), "a list is no flight: flights, unusable = perchhw.open_"),  # type: ignore[arg-type]
+        (lambda: perchhw.find_gap(hanging_flight(), NAME), "flights is a Flight, no list"),  # type: ignore[arg-type]
+        (lambda: perchhw.find_gap([], 3), "vehicle is a int: give a name or a file"),  # type: ignore[arg-type]
+        (lambda: perchhw.label_flight("run", NAME), "a str is no flight"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_is_of_another_kind_is_told_in_one_sentence(ask: Callable[[], object], problem: str) -> None:
+    with pytest.raises(InputError) as refused:
+        ask()
+    assert problem in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("grid", "problem"),
+    [
+        ({"speeds": 2.5}, "speeds: 2.5 is no list of numbers"),
+        ({"speeds": "2.5"}, "speeds: '2.5' is no list of numbers"),
+        ({"speeds": [2.5, "fast"]}, "speeds: 'fast' is no number"),
+        ({"angles_deg": [True]}, "angles_deg: True is no number"),
+        ({"repeats": 1.5}, "repeats: 1.5 is no whole number of at least 1"),
+        ({"repeats": 0}, "repeats: 0 is no whole number of at least 1"),
+    ],
+)
+def test_a_grid_of_no_numbers_is_refused_before_its_folder_is_made(
+    tmp_path: Path, grid: dict[str, Any], problem: str
+) -> None:
+    with pytest.raises(InputError, match=problem):
+        perchhw.sweep(tmp_path / "swept", **({"speeds": [2.5], "angles_deg": [50.0]} | grid))
+    assert not (tmp_path / "swept").exists()
+
+
+def test_a_sweep_takes_the_numbers_of_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    setup = perchhw.LearningSetup(seed=np.int64(3), ceiling_z=np.float32(2.0))  # type: ignore[arg-type]
+    kept: list[str] = []
+
+    def keep(setup: perchhw.LearningSetup, grid: SweepGrid, folder: Path, *, resume: bool) -> None:
+        kept.append(json.dumps([setup.seed, setup.ceiling_z, asdict(grid)]))
+
+    monkeypatch.setattr("perchhw.learning.sweep.run_sweep", keep)
+    perchhw.sweep(
+        "none", np.array([2.5], np.float32), np.arange(30, 91, 30), repeats=np.int64(1), setup=setup
+    )
+    grid = {"speeds": [2.5], "angles_deg": [30.0, 60.0, 90.0], "repeats": 1}
+    assert json.loads(kept[0]) == [3, 2.0, grid]
+
+
+@pytest.mark.parametrize("vehicle", [NAME, perchhw.load_vehicle(NAME)], ids=["name", "vehicle"])
+def test_a_vehicle_goes_by_its_name_too(vehicle: Any) -> None:
+    assert perchhw.label_flight(hanging_flight(), vehicle).outcome == "four_leg"
+    with pytest.raises(NothingToFindError):
+        perchhw.find_gap([], vehicle)
+
+
+def test_test_flights_are_told_from_landings(tmp_path: Path) -> None:
+    file = tmp_path / "suggested.toml"
+    file.write_text('schema = "perchhw.campaign/1"\n[[flight]]\nkind = "hover"\n')
+    with pytest.raises(CampaignFileError, match=r"test flights.*`perchhw campaign run .*suggested\.toml`"):
+        perchhw.fly_campaign("none", file, tmp_path / "out", confirm=print)
+
+
+def test_a_lab_that_was_closed_says_so(tmp_path: Path) -> None:
+    lab = perchhw.SimulatedLab()
+    lab._command = [sys.executable, "-c", 'print(\'{"lab": "lab.toml"}\', flush=True); input()']
+    with lab:
+        assert lab.lab_file == Path("lab.toml")
+    with pytest.raises(LabNotReady, match="was closed, or has ended: open another"):
+        perchhw.fly(lab, 2.5, 50.0, out=tmp_path)
 
 
 @pytest.mark.further
@@ -115,7 +220,7 @@ def test_a_format_that_there_is_not_is_no_fault_of_the_files(tmp_path: Path) -> 
 
 def test_a_gap_in_no_flights_is_not_looked_for() -> None:
     with pytest.raises(NothingToFindError, match="no usable flight: none was given"):
-        perchhw.find_gap([], perchhw.load_vehicle("crazyflie21-upgraded"))
+        perchhw.find_gap([], perchhw.load_vehicle(NAME))
 
 
 def test_a_lab_that_was_not_opened_is_told_to_whoever_flies_in_it(tmp_path: Path) -> None:
@@ -164,7 +269,7 @@ class ThreadsSeen(os.PathLike[str]):
 @pytest.mark.parametrize(
     "fit",
     [
-        lambda seen: perchhw.find_gap(seen, perchhw.load_vehicle("crazyflie21-upgraded")),
+        lambda seen: perchhw.find_gap(seen, perchhw.load_vehicle(NAME)),
         lambda seen: perchhw.sweep("/there/is/no", seen, [50.0]),
         perchhw.train,
         lambda seen: perchhw.fly_campaign("lab.toml", seen, "folder", confirm=print),

@@ -55,6 +55,7 @@ from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensin
 from calibration.gap.unnamed.fitted_terms import FittedTerm, residual_map, with_consequence
 from calibration.gap.unnamed.gap_map import GapMap
 from onboard.errors import InputError
+from onboard.given import given_count
 from onboard.linear_algebra import on_one_thread
 from onboard.room import ceiling_height
 from onboard.vehicle import Vehicle
@@ -101,7 +102,9 @@ class GapQuestion:
 
         Raises:
             CeilingError: there is no such ceiling.
+            GivenError: the seed is none.
         """
+        object.__setattr__(self, "seed", given_count(self.seed, "seed"))
         if self.ceiling_z is not None:
             object.__setattr__(self, "ceiling_z", ceiling_height(self.ceiling_z))
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from onboard.given import given_name
 from onboard.policy.bundle import decode_bundle, is_bundle, policy_crc32
 from onboard.policy.json_table import JsonTable, PolicyFileError
 from onboard.policy.model import (
@@ -325,11 +326,13 @@ def find_policy(name_or_path: str | Path) -> Path:
 
     Raises:
         PolicyFileError: it is neither.
+        GivenError: it is no name at all.
     """
-    path = Path(name_or_path)
+    name = given_name(name_or_path, "policy")
+    path = Path(name)
     if path.exists():
         return path
-    if str(name_or_path) in shipped_policies():
-        return shipped_policy_path(str(name_or_path))
+    if name in shipped_policies():
+        return shipped_policy_path(name)
     known = ", ".join(shipped_policies()) or "none"
     raise PolicyFileError(f"{path}: no such file, and no shipped policy of that name; shipped: {known}")

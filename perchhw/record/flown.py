@@ -2,9 +2,10 @@
 
 from typing import Any
 
+from onboard.errors import InputError
 from onboard.policy.bundle import policy_crc32
 from onboard.policy.files import find_policy, load_policy
-from onboard.policy.model import Policy, PolicyError
+from onboard.policy.model import Policy
 from onboard.record.run_record import RunRecord
 from onboard.vehicle import Vehicle, VehicleFileError, load_vehicle
 from perchhw.attempt import DEFAULT_VEHICLE
@@ -34,6 +35,6 @@ def policy_of(run: RunRecord) -> Policy | None:
         return None
     try:
         policy = load_policy(find_policy(name))
-    except (PolicyError, OSError):
+    except (InputError, OSError):
         return None
     return policy if crc in (None, f"{policy_crc32(policy):08x}") else None

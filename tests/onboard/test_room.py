@@ -73,8 +73,8 @@ def test_an_approach_aims_at_the_ceiling_above_its_impact_point() -> None:
         (0, "a ceiling at 0 m cannot be"),
         (-1.0, "a ceiling at -1 m cannot be"),
         (2100, "a ceiling at 2100 m cannot be: give its height above the floor in m"),
-        ("2.1", "ceiling_z is '2.1': give a number"),
-        (True, "ceiling_z is True: give a number"),
+        ("2.1", "ceiling_z: '2.1' is no number"),
+        (True, "ceiling_z: True is no number"),
     ],
 )
 def test_what_is_no_height_of_a_ceiling_is_refused(given: object, problem: str) -> None:
