@@ -26,7 +26,7 @@ from onboard.manoeuvres import library as manoeuvres
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, check_vehicle, load_vehicle, vehicle_to_toml
-from onboard.vehicle.effects import described
+from onboard.vehicle.effects.tables import described
 from perchhw.cli.main import run as run_perchhw
 from sim_backend.physics.effects.registry import TERMS
 from sim_backend.physics.parameters import physics_parameters
@@ -65,7 +65,7 @@ def test_every_file_that_the_page_names_is_there() -> None:
 
 def test_an_effect(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (table,), (equation,) = blocks("An effect", "toml"), blocks("An effect")
-    (description,) = described(table).values()
+    (description,) = described(tomllib.loads(table), "adding.md").values()
     term = module_of(equation, "sim_backend.physics.effects.propeller_guard").EFFECT
     monkeypatch.setitem(EFFECTS, description.name, description)
     monkeypatch.setitem(TERMS, term.name, term)

@@ -5,12 +5,11 @@ A new one is one table in them, with the attributes of :class:`.description.Effe
 blanks between), and one module of its name in ``sim_backend/physics/effects`` (docs/physics.md, Effects).
 """
 
-import tomllib
 from pathlib import Path
-from typing import Any
 
 from onboard.vehicle.effects.description import Domain, EffectDescription, EffectParameter, Needs
 from onboard.vehicle.effects.size import Size
+from onboard.vehicle.effects.tables import read_effects
 
 __all__ = ["AIR_FORCES", "EFFECTS", "Domain", "EffectDescription", "EffectParameter", "Needs", "Size"]
 
@@ -24,32 +23,8 @@ AIR_FORCES = (
 )
 """Effects that depend on the motion through the air, and so on the wind."""
 
-
-def described(text: str) -> dict[str, EffectDescription]:
-    """The effects of a file's text, by name."""
-    return {name: _described(name, table) for name, table in tomllib.loads(text).items()}
-
-
-def _described(name: str, table: dict[str, Any]) -> EffectDescription:
-    others: Any = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
-    others |= {
-        "domain": Domain(table["domain"]),
-        "needs": tuple(Needs(need) for need in table.get("needs", ())),
-        "parameters": {
-            parameter: EffectParameter(**rule)
-            for alike, rule in table["parameters"].items()
-            for parameter in alike.split()
-        },
-    }
-    return EffectDescription(name=name, **others)
-
-
 _FILES = ("actuation", "air", "rigid_body", "contact", "sensing")
-EFFECTS: dict[str, EffectDescription] = {
-    name: description
-    for file in _FILES
-    for name, description in described(
-        Path(__file__).with_name(f"{file}.toml").read_text(encoding="utf-8")
-    ).items()
-}
+EFFECTS: dict[str, EffectDescription] = read_effects(
+    Path(__file__).with_name(f"{file}.toml") for file in _FILES
+)
 """Every known effect, by name."""

@@ -16,8 +16,14 @@ def _collect() -> dict[str, EffectTerm]:
         if module == "registry":
             continue
         term = getattr(importlib.import_module(f"{__package__}.{module}"), "EFFECT", None)
-        if term is not None:
-            found[term.name] = term
+        if term is None:
+            continue
+        if term.name != module:  # else two modules could have one name, and one of them be lost
+            raise SimulationError(
+                f"sim_backend/physics/effects/{module}.py: its EFFECT is named {term.name!r}; it has "
+                f"the name of its module: write {module!r}, or rename the module"
+            )
+        found[module] = term
     return found
 
 
