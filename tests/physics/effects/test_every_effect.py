@@ -1,7 +1,9 @@
 """What holds for all effects: they act, they are neutral at their neutral values, and they can be written."""
 
 import dataclasses
+import importlib
 import tomllib
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,9 @@ from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Vehicle, known_vehicles, load_vehicle, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
+from sim_backend.errors import SimulationError
 from sim_backend.physics.decision import ThresholdPolicy
+from sim_backend.physics.effects import registry, wind
 from sim_backend.physics.effects.registry import FIELDS, TERMS
 from sim_backend.physics.effects.term import Acts
 from sim_backend.physics.parameters import PARAMETERS, physics_parameters
@@ -23,6 +27,7 @@ from sim_backend.physics.step import step, step_thrust
 from tests.physics.effects.conftest import typical, with_effects
 
 ROOM = RoomGeometry()
+SWITCHES = ("command_on", "motors_on", "forces_on", "sensors_on")
 
 
 def windy_vehicle() -> Vehicle:
@@ -32,9 +37,11 @@ def windy_vehicle() -> Vehicle:
     return dataclasses.replace(vehicle, air=dataclasses.replace(vehicle.air, drag_x=drag, drag_y=drag))
 
 
-def landing(vehicle: Vehicle) -> bytes:
+def landing(vehicle: Vehicle, switched_on: tuple[str, ...] = ()) -> bytes:
     """What a landing attempt and a crash leave behind, and the state after 0.2 s on the battery."""
     p = physics_parameters(vehicle, ROOM)
+    for switch in switched_on:
+        p[switch] = 1
     state, out = new_state(), np.zeros(1, dtype=ROLLOUT)[0]
     policy, gains = ThresholdPolicy(0.23, -7e-3), controller_gains(vehicle)
     rollout(np.random.default_rng(5), state, p, gains, policy, 2.5, 0.7, RolloutSettings(), out)
@@ -49,9 +56,10 @@ def landing(vehicle: Vehicle) -> bytes:
     return out.tobytes() + crashed.tobytes() + b"".join(motion + end)
 
 
-@pytest.fixture(scope="module")
-def plain_landing() -> bytes:
-    return landing(windy_vehicle())
+@cache
+def plain_landing(switched_on: tuple[str, ...] = ()) -> bytes:
+    """Without effects, by the code that vehicles with effects behind these switches take."""
+    return landing(windy_vehicle(), switched_on)
 
 
 def test_every_declared_effect_has_an_equation_and_the_other_way_round() -> None:
@@ -61,15 +69,21 @@ def test_every_declared_effect_has_an_equation_and_the_other_way_round() -> None
     assert set(names) <= set(PARAMETERS.names or ())
 
 
+def test_an_effect_has_the_name_of_its_module(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(wind, "EFFECT", wind.EFFECT._replace(name="tether"))
+    with pytest.raises(SimulationError, match=r"effects/wind\.py: its EFFECT is named 'tether'.*'wind'"):
+        importlib.reload(registry)
+
+
 @pytest.mark.parametrize("name", EFFECTS)
-def test_an_effect_changes_the_flight_when_present_and_nothing_when_absent(
-    name: str, plain_landing: bytes
-) -> None:
+def test_an_effect_changes_the_flight_when_present_and_nothing_when_absent(name: str) -> None:
+    """The code behind a switch rounds otherwise, also where nothing in it calls the effect."""
     vehicle = with_effects({name: typical(name)}, windy_vehicle())
+    p = physics_parameters(vehicle, ROOM)
     changed = landing(vehicle)
-    assert changed != plain_landing
+    assert changed != plain_landing(tuple(switch for switch in SWITCHES if p[switch])), "nothing calls it"
     assert landing(vehicle) == changed
-    assert landing(dataclasses.replace(vehicle, effects=())) == plain_landing
+    assert landing(dataclasses.replace(vehicle, effects=())) == plain_landing()
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -145,7 +159,7 @@ def test_known_vehicles_take_the_path_without_effects() -> None:
     for name in known_vehicles():
         vehicle = load_vehicle(name)
         p = physics_parameters(vehicle, ROOM)
-        assert not any(p[switch] for switch in ("command_on", "motors_on", "forces_on", "sensors_on"))
+        assert not any(p[switch] for switch in SWITCHES)
         own = {field.name for effect in vehicle.effects for field in TERMS[effect.name].fields}
         for field in FIELDS:
             if field.name in own:
@@ -157,4 +171,4 @@ def test_effects_that_act_once_switch_nothing_on() -> None:
     once = {name: typical(name) for name, term in TERMS.items() if term.acts is Acts.ONCE}
     assert {"mass_error", "battery_sag", "motor_lag", "leg_stiffness"} <= set(once)
     p = physics_parameters(with_effects(once), ROOM)
-    assert not any(p[switch] for switch in ("command_on", "motors_on", "forces_on", "sensors_on"))
+    assert not any(p[switch] for switch in SWITCHES)
