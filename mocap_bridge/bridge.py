@@ -14,10 +14,11 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from mocap_bridge.correction import AS_TRACKED, PoseCorrection
-from mocap_bridge.errors import MocapError, PoseTimeout
+from mocap_bridge.errors import MocapError, PoseTimeout, SourceBroken
 from mocap_bridge.health import HealthLimits, HealthStatistics, PoseHealth, PoseVerdict
 from mocap_bridge.pose import PoseSample, PoseStream, SourceStatistics, open_pose_stream
 from mocap_bridge.rotation import continuous, normalised
+from mocap_bridge.source_bug import blamed_on_the_source
 from mocap_bridge.uri import MocapUri, parse_mocap_uri
 from onboard.arrays import Quaternion, Vector
 from onboard.errors import PerchhwError
@@ -191,18 +192,22 @@ class PoseBridge:
 
     def _read_forever(self) -> None:
         pause, longest = BACK_OFF_S
+        ended = "stopped"
         try:
             while not self._stopping.is_set():
                 frames = 0
                 try:
-                    with open_pose_stream(self._uri, self._clock) as stream:
+                    with blamed_on_the_source(), open_pose_stream(self._uri, self._clock) as stream:
                         frames = self._pump(stream)
+                except SourceBroken as error:
+                    ended = str(error)
+                    break
                 except MocapError as error:
                     self._set_source(None, str(error))
                 pause = BACK_OFF_S[0] if frames else min(longest, 2.0 * pause)
                 self._stopping.wait(pause)
         finally:
-            self._set_source(None, "stopped")
+            self._set_source(None, ended)
 
     def _pump(self, stream: PoseStream) -> int:
         """Read and judge until stopped or the source is gone; gives the number of frames."""

@@ -27,6 +27,10 @@ class SourceUnusable(MocapError):
     """The source is alive but cannot serve us as it is set up (axes, frames without subjects)."""
 
 
+class SourceBroken(MocapError):
+    """The code of the source failed: opening it again would not help, somebody has to mend it."""
+
+
 class UnknownSubject(SourceUnusable):
     """The source does not know the subject asked for; `offered` has the names that it does know."""
 

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from mocap_bridge.errors import MocapUriError
+from mocap_bridge.source_bug import blamed_on_the_source
 from mocap_bridge.uri import SCHEMES, MocapUri, parse_mocap_uri, scheme_of
 from onboard.arrays import Quaternion, Vector
 from onboard.timebase import WALL, Timebase
@@ -91,6 +92,7 @@ class PoseStream(Protocol):
         """Close."""
 
 
+@blamed_on_the_source()
 def open_pose_stream(uri: str | MocapUri, clock: Timebase = WALL) -> PoseStream:
     """Open the source that `uri` names, and check that it delivers the subject as far as can be told.
 
@@ -98,6 +100,7 @@ def open_pose_stream(uri: str | MocapUri, clock: Timebase = WALL) -> PoseStream:
         MocapUriError: the URI cannot be used.
         SourceLost, PoseTimeout: nothing answers as it should within 0.5 s.
         UnknownSubject: the source is alive and does not have the subject; the message lists those it has.
+        SourceBroken: its code cannot be imported, or fails.
     """
     parsed = uri if isinstance(uri, MocapUri) else parse_mocap_uri(uri)
     scheme = scheme_of(parsed.scheme)

@@ -6,7 +6,8 @@ A simulated lab that keeps its own time adds ``&time=HOST:PORT`` (:mod:`onboard.
 from dataclasses import dataclass
 from urllib.parse import SplitResult, parse_qsl, quote, unquote, urlsplit
 
-from mocap_bridge.errors import MocapUriError
+from mocap_bridge.errors import MocapUriError, SourceBroken
+from mocap_bridge.source_bug import blamed_on_the_source
 from onboard.lab_time.address import OPTION as TIME_OPTION
 
 # Anybody could send an object stream, so only this computer is heard unless the URI says more.
@@ -131,8 +132,9 @@ def scheme_of(name: str) -> MocapScheme | None:
     for point in entry_points(group=ENTRY_POINTS, name=name):
         package = point.dist.name if point.dist is not None else point.module
         try:
-            scheme = point.load()
-        except (ImportError, AttributeError) as error:
+            with blamed_on_the_source():
+                scheme = point.load()
+        except SourceBroken as error:
             raise MocapUriError(f"mocap source {name!r} of the package {package}: {error}") from error
         if not isinstance(scheme, MocapScheme):
             raise MocapUriError(

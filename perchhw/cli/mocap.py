@@ -24,6 +24,9 @@ _TAKE_PART = (
     "give the whole address, with time=HOST:PORT, as its ready line and its lab file have it"
 )
 
+_OF_LABS = ("vicon", "vicon-udp")
+"""Schemes of the rooms that are simulated."""
+
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Motion capture: look at a source.")
 app.command()(send)
 app.command()(calibrate)
@@ -137,7 +140,8 @@ def _may_be_a_lab_that_waits(uri: str) -> bool:
     from onboard.lab_time import time_address
 
     address = parse_mocap_uri(uri)
-    return address.host in (LOOPBACK, "localhost", "::1") and time_address(uri) is None
+    here = address.host in (LOOPBACK, "localhost", "::1")
+    return here and address.scheme in _OF_LABS and time_address(uri) is None
 
 
 def _table(result: dict[str, Any]) -> Callable[[], None]:

@@ -180,12 +180,25 @@ def test_a_broken_mocap_package_is_told(another_package: Path) -> None:
     (another_package / "json_udp.py").write_text("SCHEME = 'json'")
     with pytest.raises(MocapUriError, match=r"their-mocap: json_udp:SCHEME is no MocapScheme"):
         parse_mocap_uri("json-udp://?subject=cf1")
-    sys.modules.pop("json_udp")
-    (another_package / "json_udp.py").write_text("import a_vendor_sdk")
-    with pytest.raises(MocapUriError, match="their-mocap: No module named 'a_vendor_sdk'"):
-        parse_mocap_uri("json-udp://?subject=cf1")
     with pytest.raises(MocapUriError, match=r"unknown scheme 'json-tcp'; .*, json-udp://\.\.\."):
         parse_mocap_uri("json-tcp://?subject=cf1")
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("import a_vendor_sdk", r"ModuleNotFoundError: No module named 'a_vendor_sdk' \(json_udp.py:1\)"),
+        ("SCHEM = 1", "AttributeError: .*'SCHEME'"),
+        ("def", r"SyntaxError: invalid syntax \(json_udp.py, line 1\)"),
+        ("\nraise RuntimeError('no licence')", r"RuntimeError: no licence \(json_udp.py:2\)"),
+    ],
+)
+def test_a_mocap_package_that_breaks_is_told_with_its_place(
+    another_package: Path, code: str, told: str
+) -> None:
+    (another_package / "json_udp.py").write_text(code)
+    with pytest.raises(MocapUriError, match=f"their-mocap: the source broke, which is a bug of it: {told}"):
+        parse_mocap_uri("json-udp://?subject=cf1")
 
 
 def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:

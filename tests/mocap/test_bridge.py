@@ -1,7 +1,10 @@
 import math
+import re
 import socket
+import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +13,7 @@ from mocap_bridge.errors import MocapError, MocapUriError
 from mocap_bridge.health import PoseVerdict
 from mocap_bridge.rotation import Quaternion, Vector
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
+from mocap_bridge.uri import SCHEMES, MocapScheme
 from onboard.timebase import WallTime
 from tests.mocap.moving_room import MovingRoom
 from tests.mocap.test_vicon_source import GREETING, frame, pose, scripted_server
@@ -212,3 +216,70 @@ def test_cpu_is_idle_while_disconnected():
         assert not bridge.wait_for(lambda _: False, 1.0)
         own = time.thread_time() - before
         assert time.process_time() - start - own < 0.1
+
+
+OWN_SOURCE = """
+from mocap_bridge.pose import PoseSample, SourceStatistics
+
+
+class Stream:
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        pass
+
+    def statistics(self):
+        return SourceStatistics(1)
+
+    def read(self, timeout_s):
+        return PoseSample("cf1", 1, 0.0, 0.0, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0), False)
+
+
+def open_own(uri, clock):
+    return Stream()
+"""
+
+
+READ = "return PoseSample("
+BODY = "class Stream:\n    "
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "expected"),
+    [
+        (READ, f"1 / 0; {READ}", r"ZeroDivisionError: .* \(own_source.py:19\)"),
+        (READ, f"__import__('json').loads(''); {READ}", r"JSONDecodeError: .* \(own_source.py:19\)"),
+        ("(0.0, 0.0, 1.0)", "('a', 0.0, 1.0)", r"TypeError: .* \(health.py:\d+\)"),
+        ("return SourceStatistics(1)", "return self.count", r"AttributeError: .* \(own_source.py:16\)"),
+        ("def __enter__", "def enter", "TypeError: .*context manager.*"),
+        (
+            "def open_own",
+            "def open_mine",
+            "AttributeError: module 'own_source' has no attribute 'open_own'.*",
+        ),
+        ("return Stream()", "return Streams()", r"NameError: .* \(own_source.py:23\)"),
+        ("class Stream:", "class Stream", r"SyntaxError: .* \(own_source.py, line 5\)"),
+        (BODY, f"import a_vendor_sdk\n{BODY}", r"ModuleNotFoundError: .* \(own_source.py:5\)"),
+        (BODY, f"raise RuntimeError('no licence')\n{BODY}", r"RuntimeError: no licence \(own_source.py:5\)"),
+    ],
+)
+def test_a_source_that_breaks_says_why_and_gives_no_pose(
+    right: str, wrong: str, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As its reader ends, so does all that is known of where the drone is."""
+    assert right in OWN_SOURCE
+    (tmp_path / "own_source.py").write_text(OWN_SOURCE.replace(right, wrong))
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "own_source", raising=False)
+    scheme = MocapScheme("own_source.open_own", 4000, "own://?subject=cf1", needs_host=False)
+    monkeypatch.setitem(SCHEMES, "own", scheme)
+    with PoseBridge("own://?subject=cf1", None) as bridge:
+        assert bridge.wait_for(lambda status: "bug" in (status.error or ""), PATIENCE_S)
+        status = bridge.status()
+    assert re.fullmatch(f"the source broke, which is a bug of it: {expected}", status.error or "")
+    assert not status.connected
+    assert status.verdict is not PoseVerdict.OK

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import pytest
 
+from mocap_bridge.uri import SCHEMES, MocapScheme
 from perchhw.cli.main import run
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 
@@ -68,6 +69,17 @@ def test_an_address_without_the_labs_clock_is_told_of_it(
     result = json.loads(done.stdout)
     assert (done.returncode, result["frames"]) == (1, 0)
     assert "give the whole address, with time=HOST:PORT" in result["next"]
+
+
+def test_a_source_of_ones_own_that_breaks_is_told_and_is_no_lab(
+    watch: Callable[..., Watched], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scheme = MocapScheme("no_such_module.open_own", 4000, "own://?subject=cf1", needs_host=False)
+    monkeypatch.setitem(SCHEMES, "own", scheme)
+    done = watch("own://?subject=cf1", "--seconds", "0.1")
+    result = json.loads(done.stdout)
+    assert (done.returncode, result["verdict"], result["next"]) == (1, "unknown", None)
+    assert "the source broke, which is a bug of it: ModuleNotFoundError: " in result["error"]
 
 
 def test_nothing_to_watch(
