@@ -172,7 +172,8 @@ def _flights(table: FileTable, room: RoomGeometry) -> list[PlannedFlight]:
         times = 1
     rules = MANOEUVRES[kind].rules
     parameters = {key: table.number(key, 0.0) for key in rules if key in table.content}
-    table.refuse_unread()
+    if table.content.get("kind") == kind:  # else nobody knows which keys are right
+        table.refuse_unread(tuple(rules))
     if table.sound:
         check_names(table, {"kind": partial(MANOEUVRES[kind].course, parameters, room)})
     return [PlannedFlight(kind, parameters)] * times

@@ -54,7 +54,11 @@ def test_the_drone_that_is_asked_for_flies(file: Path) -> None:
         ('"circles"', '"loops"', r"key flight\[0\].kind: 'loops' is not one of thrust_steps"),
         ("radius = 0.5", "radius = 1.5", r"key flight\[0\].kind: circles: the course spans y"),
         ("radius = 0.5", "radius = 500", r"key flight\[0\].kind: circles: radius = 500 .* must be 0.2 to 20"),
-        ("radius = 0.5", "diameter = 0.5", r"key flight\[0\].diameter: unknown; known are"),
+        (
+            "radius = 0.5",
+            "diameter = 0.5",
+            r"key flight\[0\].diameter: unknown; known are height, kind, radius, repeats, .*times",
+        ),
         ("times = 2", "times = 0", r"key flight\[0\].times: 0 is less than 1"),
         ("times = 2", "times = 20000000000000000000", r"key flight\[0\].times: 2.* flights, more than 10000"),
         ("udp://127", "foo://127", "key drone: 'foo://127.0.0.1:19850' is not a drone address"),
@@ -66,6 +70,14 @@ def test_errors_name_the_key(old: str, new: str, message: str, file: Path) -> No
     file.write_text(file.read_text().replace(old, new, 1))
     with pytest.raises(CampaignFileError, match=message):
         load_flight_plan(file)
+
+
+def test_of_an_unknown_kind_no_key_is_called_unknown(file: Path) -> None:
+    file.write_text(file.read_text().replace('"circles"', '"loops"', 1))
+    with pytest.raises(CampaignFileError) as caught:
+        load_flight_plan(file)
+    assert "'loops' is not one of" in str(caught.value)
+    assert ": unknown;" not in str(caught.value)
 
 
 class StandIn:
