@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import math
 import os
 import re
 import socket
@@ -120,15 +121,28 @@ def send(port: int, *datagrams: object) -> threading.Event:
 
 def test_a_mocap_source(json_udp: int) -> None:
     pose = [0.1, 0.2, 1.5, 0.0, 0.0, 0.0, 1.0]
-    stop = send(json_udp, {"frame": 7, "cf1": pose}, {"frame": 8}, ["foreign"])
+    others = (
+        ["foreign"],
+        "foreign",
+        {"frame": 1, "cf1": ["a", 0, 1, 0, 0, 0, 1]},
+        {"frame": 1, "cf1": [0, 0, 1]},
+        {"frame": 1, "cf1": [math.nan, 0, 1, 0, 0, 0, 1]},
+        {"frame": 1, "cf1": [10**400, 0, 1, 0, 0, 0, 1]},
+        {"frame": 1, "cf1": 1},
+        {"frame": math.inf, "cf1": pose},
+        {"frame": "first", "cf1": pose},
+        {"cf1": pose},
+    )
+    stop = send(json_udp, {"frame": 7, "cf1": pose}, {"frame": 8}, *others)
     try:
         with open_pose_stream(f"json-udp://:{json_udp}?subject=cf1") as stream:
             by_frame = {}
-            while by_frame.keys() != {7, 8} or stream.statistics().refused == 0:
+            while by_frame.keys() != {7, 8} or stream.statistics().refused <= len(others):
                 sample = stream.read(60.0)
                 by_frame[sample.frame] = sample
     finally:
         stop.set()
+    assert by_frame.keys() == {7, 8}
     assert by_frame[7].position == (0.1, 0.2, 1.5)
     assert by_frame[7].quaternion == (0.0, 0.0, 0.0, 1.0)
     assert by_frame[8].occluded
@@ -204,7 +218,7 @@ def test_a_mocap_package_that_breaks_is_told_with_its_place(
 def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:
     code, row = blocks("An instrument")
     ours, theirs = os.openpty()
-    answers = iter((b"2.00 g\r\n", b"12.50 g\r\n", b"overload\r\n"))
+    answers = iter((b"2.00 g\r\n", b"12.50 g\r\n", b"overload\r\n", b"nan g\r\n", b"12.5 oz\r\n"))
 
     def answer() -> None:
         for text in answers:
@@ -222,8 +236,10 @@ def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:
         scale.look(0.1)
         scale.look(0.1)
         assert scale.read().indication == pytest.approx(0.00725)
-        with pytest.raises(module.InstrumentRefused, match="overload"):
-            scale.look(0.1)
+        for refused in ("overload", "nan g", "12.5 oz"):
+            with pytest.raises(module.InstrumentRefused, match=refused):
+                scale.look(0.1)
+        assert scale.read().indication == pytest.approx(0.00725)
     os.close(theirs)
     with pytest.raises(InstrumentInputError, match="printing://"):
         addresses.ScaleAddress.of("kitchen:///dev/ttyUSB0")

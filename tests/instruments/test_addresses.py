@@ -2,12 +2,13 @@
 
 import pytest
 
-from calibration.bench.instruments.addresses import AnyScale, ScaleAddress, SupplyAddress
+from calibration.bench.instruments.addresses import ScaleAddress, SupplyAddress
 from calibration.bench.instruments.balance import Balance
 from calibration.bench.instruments.errors import InstrumentInputError
 from calibration.bench.instruments.kept_supply import KeptSupply
 from calibration.bench.instruments.load_cell import LoadCell
 from calibration.bench.instruments.manual import ManualScale, ManualSupply
+from calibration.bench.instruments.scale import Scale
 from tests.instruments.pty_device import LineBoard, PtyDevice
 from tests.instruments.test_polled_instruments import Somebody, TinyKorad, TinyScpi, balance
 
@@ -22,7 +23,7 @@ def test_a_load_cell_is_what_a_bare_port_means(uri: str) -> None:
 
 
 def test_a_balance_and_a_person_are_scales() -> None:
-    scales: list[AnyScale] = []
+    scales: list[Scale] = []
     with PtyDevice(balance({b"SI": b"S S 1.5 g\r\n"})) as device:
         for uri in (f"mtsics://{device.name}?baud=9600", "manual://"):
             with ScaleAddress.of(uri).open(Somebody([0.0015])) as scale:

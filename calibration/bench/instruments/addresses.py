@@ -14,13 +14,13 @@ from calibration.bench.instruments.errors import InstrumentInputError
 from calibration.bench.instruments.kept_supply import KeptSupply
 from calibration.bench.instruments.load_cell import LoadCell
 from calibration.bench.instruments.manual import ManualScale, ManualSupply, Person
+from calibration.bench.instruments.scale import Scale
 from calibration.bench.instruments.supply_keeper import KINDS
 
 MANUAL = "manual"
-AnyScale = LoadCell | Balance | ManualScale
 AnySupply = KeptSupply | ManualSupply
 
-SCALES: Mapping[str, Callable[[str], LoadCell | Balance]] = {"loadcell": LoadCell, "mtsics": Balance}
+SCALES: Mapping[str, Callable[[str], Scale]] = {"loadcell": LoadCell, "mtsics": Balance}
 """Scales with a port, by scheme; the first is what a bare port means."""
 
 SUPPLIES: Mapping[str, Callable[[str], KeptSupply]] = {kind: partial(KeptSupply, kind=kind) for kind in KINDS}
@@ -75,7 +75,7 @@ class ScaleAddress(InstrumentAddress):
         """The address that `uri` writes; errors as for :meth:`InstrumentAddress.parse`."""
         return cls.parse(uri, SCALES, "scale")
 
-    def open(self, person: Person) -> AnyScale:
+    def open(self, person: Person) -> Scale:
         """The open scale, a context manager; errors as its class raises them."""
         return ManualScale(person) if self.scheme == MANUAL else SCALES[self.scheme](self.port)
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import TracebackType
 from typing import Protocol, Self
 
 import numpy as np
@@ -25,8 +26,8 @@ class ScaleReading:
 
 
 class Scale(Protocol):
-    """A load cell, a balance, or a person who reads one. Somebody else keeps the time: :meth:`begin`,
-    :meth:`look` as often as wished, :meth:`read`.
+    """A load cell, a balance, or a person who reads one; a context manager. Somebody else keeps the time:
+    :meth:`begin`, :meth:`look` as often as wished, :meth:`read`.
 
     Attributes:
         unit: of what it shows: ``counts`` or ``kg``.
@@ -68,6 +69,14 @@ class Scale(Protocol):
 
     def close(self) -> None:
         """Close it; idempotent."""
+
+    def __enter__(self) -> Self:
+        """The scale itself."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple
 from typing import Any
 
@@ -42,7 +42,7 @@ HANG_S = 1.0
 CUT_WITHIN_S = 5.0
 _AGAIN_S = 0.1
 _RECEIVE_BYTES = 4096
-KINDS: dict[str, type[ScpiSupply] | type[KoradSupply]] = {"scpi": ScpiSupply, "korad": KoradSupply}
+KINDS: Mapping[str, Callable[[str], SerialSupply]] = {"scpi": ScpiSupply, "korad": KoradSupply}
 
 Say = Callable[[str], None]
 
