@@ -3,14 +3,20 @@
 import json
 import os
 import pty
+import re
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
+from calibration.bench.instruments.addresses import MANUAL, SCALES, SUPPLIES
+from calibration.flights import FORMATS
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from perchhw.cli import main as root_module
+from perchhw.cli.bench_options import Scale, Supply
 from perchhw.cli.main import VERBS, hoist_global_flags, run
+from perchhw.cli.options import FlightFormat
 from perchhw.cli.output import settings
 
 
@@ -30,6 +36,21 @@ def test_help_lists_every_verb_without_importing_any() -> None:
 def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([verb, "--help"]) == 0
     assert "Usage: perchhw" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("option", "names"),
+    [
+        (FlightFormat, ["auto", *FORMATS]),
+        (Scale, [f"{scheme}://" for scheme in (*SCALES, MANUAL)]),
+        (Supply, [f"{scheme}://" for scheme in (*SUPPLIES, MANUAL)]),
+    ],
+)
+def test_the_help_of_an_option_names_every_row_of_its_table(option: Any, names: list[str]) -> None:
+    """Typed by hand: the tables import too much for a help that is there at once."""
+    (described,) = option.__metadata__
+    words = re.findall(r"[\w-]+(?:://)?", described.help)
+    assert not set(names) - set(words)
 
 
 @pytest.mark.parametrize("arguments", [["no-such-verb"], ["fly"], ["fly", "--no-such-option"]])
