@@ -50,7 +50,8 @@ def test_the_help_of_an_option_names_every_row_of_its_table(option: Any, names: 
     """Typed by hand: the tables import too much for a help that is there at once."""
     (described,) = option.__metadata__
     words = re.findall(r"[\w-]+(?:://)?", described.help)
-    assert not set(names) - set(words)
+    missing = [name for name in names if name not in words]
+    assert not missing, f"the help {described.help!r} does not name {', '.join(missing)}"
 
 
 @pytest.mark.parametrize("arguments", [["no-such-verb"], ["fly"], ["fly", "--no-such-option"]])

@@ -175,6 +175,7 @@ def another_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (installed / "entry_points.txt").write_text("\n".join((f"[{group}]", *lines)))
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "json_udp", raising=False)
+    monkeypatch.delitem(SCHEMES, "json-udp", raising=False)  # of whoever has the page's row already
     return tmp_path
 
 
