@@ -50,7 +50,7 @@ def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_command
 
 
 def test_torques_count_where_two_models_differ_by_more_than_may_be_answers() -> None:
-    """Eights once refused an inertia that shakes had shown to a fiftieth of its size."""
+    """Eights once refused an inertia that shakes had shown to 1 %."""
     records = flights(Hidden())
     unseen = unseen_set(records, STOCK, training_set(records, STOCK))
     weights = unseen.regression.weights[:, TORQUE]

@@ -69,8 +69,8 @@ def where_it_shows(unseen: Training, model: Model, other: Model) -> Training:
     """The flights, of whose torques those parts count in which two models differ by more than may be answers.
 
     That share of what is commanded, 1 less the weight of the part, makes what turns the vehicle look weaker
-    or stronger than it is: eights of a vehicle whose inertia was a sixth too large told of none, twenty times
-    as excited as hover.
+    or stronger than it is: eights, twenty times as excited as hover, told of nothing where an inertia was a
+    sixth smaller than its file said.
     """
     signals, weights = unseen.regression.signals, unseen.regression.weights.copy()
     predicted, without_it = (one.predict(unseen.records) for one in (model, other))

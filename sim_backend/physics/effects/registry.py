@@ -10,7 +10,12 @@ from sim_backend.errors import SimulationError
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
 
 
-def _collect() -> dict[str, EffectTerm]:
+def collect_terms() -> dict[str, EffectTerm]:
+    """The effect of each module of this package that has one, by name.
+
+    Raises:
+        SimulationError: an effect has not the name of its module.
+    """
     found = {}
     for module in sorted(item.name for item in pkgutil.iter_modules([str(Path(__file__).parent)])):
         if module == "registry":
@@ -27,7 +32,7 @@ def _collect() -> dict[str, EffectTerm]:
     return found
 
 
-TERMS = _collect()
+TERMS = collect_terms()
 """Every effect that the physics has an equation for, by name."""
 
 FIELDS: tuple[Field, ...] = tuple(field for term in TERMS.values() for field in term.fields)

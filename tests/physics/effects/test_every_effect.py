@@ -1,7 +1,6 @@
 """What holds for all effects: they act, they are neutral at their neutral values, and they can be written."""
 
 import dataclasses
-import importlib
 import tomllib
 from functools import cache
 from typing import Any
@@ -16,8 +15,8 @@ from onboard.vehicle import EFFECTS, Vehicle, known_vehicles, load_vehicle, vehi
 from onboard.vehicle.file_format import parse_vehicle
 from sim_backend.errors import SimulationError
 from sim_backend.physics.decision import ThresholdPolicy
-from sim_backend.physics.effects import registry, wind
-from sim_backend.physics.effects.registry import FIELDS, TERMS
+from sim_backend.physics.effects import wind
+from sim_backend.physics.effects.registry import FIELDS, TERMS, collect_terms
 from sim_backend.physics.effects.term import Acts
 from sim_backend.physics.parameters import PARAMETERS, physics_parameters
 from sim_backend.physics.reset import approaching
@@ -72,7 +71,7 @@ def test_every_declared_effect_has_an_equation_and_the_other_way_round() -> None
 def test_an_effect_has_the_name_of_its_module(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wind, "EFFECT", wind.EFFECT._replace(name="tether"))
     with pytest.raises(SimulationError, match=r"effects/wind\.py: its EFFECT is named 'tether'.*'wind'"):
-        importlib.reload(registry)
+        collect_terms()
 
 
 @pytest.mark.parametrize("name", EFFECTS)
