@@ -130,6 +130,7 @@ def run(draws: dict[str, Draw], key: tuple[str, int]) -> dict[str, Any]:
         "cpu_s": round(time.process_time() - started, 1),
         "hidden": _hidden(answer),
         **{key: judged[key] for key in JUDGED},
+        "cannot_be_judged": _beyond_the_flights(report["limitations"], judged["truth"]),
         "clearness": clear,
         "probability": {one.name: one.probability for one in found.report.effects},
         "closed": None if closed is None else round(closed, 3),
@@ -137,6 +138,13 @@ def run(draws: dict[str, Draw], key: tuple[str, int]) -> dict[str, Any]:
         "after_m": round(gap["after"], 4),
         "crash": None,
     }
+
+
+def _beyond_the_flights(limitations: list[str], hidden: list[str]) -> list[str]:
+    """Hidden effects of which the report says that these flights do not show them, and what to fly."""
+    return [
+        name for name in hidden if any(told.startswith(f"{name} cannot be judged") for told in limitations)
+    ]
 
 
 def _hidden(answer: dict[str, Any]) -> dict[str, Any]:
@@ -190,6 +198,9 @@ def _figures(runs: list[dict[str, Any]]) -> dict[str, Any]:
         "crashes": sum(bool(one["crash"]) for one in runs),
         "without_a_usable_flight": sum("refused" in one for one in runs),
         "first_name_right_medium_and_strong": share([one["first_right"] for one in clear]),
+        "of_the_others_said_that_no_flight_shows_it": share(
+            [bool(one.get("cannot_be_judged")) for one in clear if not one["first_right"]]
+        ),
         "all_found_medium_and_strong": share([one["all_found"] for one in clear]),
         "first_name_right_weak": share([one["first_right"] for one in listed if one["size"] == "weak"]),
         "false_name_with_something_hidden": share([bool(one["false_names"]) for one in listed]),
