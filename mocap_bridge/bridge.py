@@ -233,10 +233,11 @@ class PoseBridge:
         return frames
 
     def _judge(self, sample: PoseSample, stream: PoseStream) -> None:
+        source = stream.statistics()  # of others' code, perhaps: not under a lock that the flight needs
         with self._lock:
             verdict = self._health.observe(sample)
             self._last_sample = sample
-            self._source = stream.statistics()
+            self._source = source
             self._receipts.append(sample.receipt_time)
             while self._receipts[0] < sample.receipt_time - _RATE_WINDOW_S:
                 self._receipts.popleft()
@@ -265,10 +266,10 @@ class PoseBridge:
             last = continuous(normalised(sample.quaternion), last)
             try:
                 sink.send_pose(sample.position, last)
-            except PerchhwError as error:
+            except Exception as error:  # noqa: BLE001 -- one pose that cannot be sent; the next one may be
                 with self._lock:
                     self._sink_errors += 1
-                    self._sink_error = str(error)
+                    self._sink_error = str(error) if isinstance(error, PerchhwError) else repr(error)
                 continue
             with self._lock:
                 self._sent += 1

@@ -103,12 +103,12 @@ def test_freeze_and_thaw(fresh: Lab) -> None:
 
 def test_brown_out(fresh: Lab) -> None:
     drone = fresh.drones[0]
-    drone.brown_out(0.2)
-    assert not drone.powered
-    assert drone.motors == (0, 0, 0, 0)
     began = fresh.time
+    drone.brown_out(0.5)
+    motors, booted = drone.motors, drone.boots == 2
+    assert booted or motors == (0, 0, 0, 0)
     fresh.wait_until(lambda: drone.powered, within=5.0)
-    assert fresh.time - began >= 0.15
+    assert fresh.time - began >= 0.5  # however late somebody looks
     assert drone.boots == 2
 
 

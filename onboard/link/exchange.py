@@ -104,7 +104,8 @@ class Exchange:
 
     def silence(self) -> float:
         """Seconds since the last packet from the drone."""
-        return self._clock() - self._last_packet
+        last = self._last_packet  # before the clock: one that comes in between would be of the future
+        return self._clock() - last
 
     def send(self, port: int, channel: int, payload: bytes) -> None:
         """Send one packet that asks for no answer (over the radio this waits for its turn, at most 2 s).

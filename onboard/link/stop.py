@@ -12,7 +12,6 @@ time: it leaves at once, and is repeated also where time stands still.
 CRTP port 9 channel 1 ``03``: stop, unanswered. Channel 0 ``0C`` -> ``8C``, bits u16 little endian.
 """
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -28,7 +27,6 @@ of the emergency-stop watchdog, 2 s of the commander."""
 LONGEST_S = 5.0
 """A drone that talks, but is not locked after this long, does not obey: cut its power."""
 
-logger = logging.getLogger(__name__)
 _LOOK_S, _LOOK_AT_MOST_S = 0.004, 0.02
 _LOOKS = round(REPEAT_S / _LOOK_S)
 _TALKS_S = 1.0
@@ -91,6 +89,7 @@ class StopPath:
         self._ended = time.event()
         # Plain attributes, each written by one thread: there is no lock that somebody could hold.
         self._locked = False
+        self._unsent = ""
         self._heard_at = time()
         self._report: StopReport | None = None
         port.listen(self._take)
@@ -129,7 +128,7 @@ class StopPath:
 
     def _stop(self) -> StopReport:
         begin = self._heard_at = self._time()
-        self._locked = False
+        self._locked, self._unsent = False, ""
         copies = 0
         while True:
             self._send_and_listen()
@@ -139,7 +138,7 @@ class StopPath:
                 return StopReport(True, "", now - begin, copies)
             problem = self._given_up(now, begin)
             if problem is not None:
-                return StopReport(False, problem, now - begin, copies)
+                return StopReport(False, problem + self._unsent, now - begin, copies)
 
     def _send_and_listen(self) -> None:
         """One copy, and the question whether it is needed any more."""
@@ -151,8 +150,9 @@ class StopPath:
                     return
                 self._time.nap(_LOOK_S, _LOOK_AT_MOST_S)
                 self._port.poll()
-        except Exception:  # of a transport that is breaking: the next copy may get through
-            logger.exception("a copy of the emergency stop was not sent")
+        except Exception as error:  # noqa: BLE001 -- of a transport that breaks: the next copy may get through
+            # No log: its handlers have locks, and write to terminals that may stand still.
+            self._unsent = f" (a copy was not sent: {error!r})"
             self._time.nap(_LOOK_S, _LOOK_AT_MOST_S)
 
     def _given_up(self, now: float, begin: float) -> str | None:

@@ -114,8 +114,9 @@ def _stopped(uri: str) -> Stopped:
     try:
         report = stop_drone(uri)
         code = exit_codes.DONE if report.locked else exit_codes.FAILED
-    except PerchhwError as error:
-        report = StopReport(locked=False, reason=str(error), seconds=0.0, copies=0)
+    except Exception as error:  # noqa: BLE001 -- whatever it is: the verdicts of the others must be told
+        reason = str(error) if isinstance(error, PerchhwError) else f"error in perchhw: {error!r}"
+        report = StopReport(locked=False, reason=reason, seconds=0.0, copies=0)
         code = exit_codes.USAGE if isinstance(error, InputError) else exit_codes.FAILED
     return {"drone": uri, **asdict(report), "noted": noted.written()}, code
 

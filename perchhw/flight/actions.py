@@ -78,8 +78,8 @@ class CommandRunner:
         """Start to carry out `order`."""
         if isinstance(order.command, URGENT_COMMANDS):
             ended = self._clock.event()
-            self._urgent_ended.append(ended)
             self._clock.thread(self._run_urgent, f"command-{order.number}", order, ended)
+            self._urgent_ended.append(ended)  # of a thread that runs: closing waits for it
             return
         with self._lock:
             self._unfinished += 1

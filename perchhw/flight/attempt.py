@@ -96,8 +96,8 @@ def fly_attempt(
     with (
         open_timebase("fly", request.drone, request.mocap) as clock,
         RunRecorder(request.folder, _configuration(request, vehicle, plan, fit), clock) as recorder,
+        FlightRecorder(recorder, listener) as record,
     ):
-        record = FlightRecorder(recorder, listener)
 
         def prepared(link: DroneLink, events: Queue, readback: ReadBack) -> LandingCommands:
             refused = fit.ask_drone(link, vehicle, request.accept_mismatch)
@@ -169,6 +169,7 @@ def _conclude(
     state, trigger = flown.state, flown.trigger
     outcome, evidence, aborted_by = Outcome.ABORTED, {}, state.aborted_by
     if aborted_by is None and state.armed:
+        record.settle()
         try:
             label = label_flight(open_flight(request.folder, "perchhw"), vehicle)
         except PerchhwError as error:

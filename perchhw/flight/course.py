@@ -133,8 +133,8 @@ def fly_course(
     with (
         open_timebase("test flight", request.drone, request.mocap) as clock,
         RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder,
+        FlightRecorder(recorder, listener) as record,
     ):
-        record = FlightRecorder(recorder, listener)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,

@@ -61,5 +61,5 @@ class WatchdogKicker(Closing):
 
     def _kick(self) -> None:
         beat = self._beat_at
-        if beat is not None and self._clock() - beat <= HEART_S:
+        if beat is not None and 0.0 <= self._clock() - beat <= HEART_S:  # a clock that runs back is no heart
             self._link.kick_emergency_stop_watchdog()

@@ -192,7 +192,7 @@ class FlightLoop:
     def _answer(self) -> Event | None:
         """An answer to an order, waited for until the next tick."""
         try:
-            answer: Event = self.events.get(timeout=max(0.0, self._next_tick - self._now()))
+            answer: Event = self.events.get(timeout=min(max(0.0, self._next_tick - self._now()), TICK_PERIOD))
         except queue.Empty:
             return None
         return answer
@@ -234,12 +234,13 @@ class FlightLoop:
         return replace(self.state, phase=Phase.DONE, aborted_by=why)
 
     def _give(self, order: Order) -> None:
-        self.record.event("command", self._now(), command=str(order.command), number=order.number)
+        """A stop before anything else that this loop does."""
         with Caught(lambda error: self._not_given(order, error)):
             if isinstance(order.command, EmergencyStop):
                 self.link.stop_path.trigger()
             else:
                 self.commands.submit(order)
+        self.record.event("command", self._now(), command=str(order.command), number=order.number)
 
     def _not_given(self, order: Order, error: BaseException) -> None:
         self._keep(error)

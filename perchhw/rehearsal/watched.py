@@ -68,8 +68,7 @@ def record_in(folder: Path, config: dict[str, Any]) -> OpenRecord:
 
     @contextmanager
     def opened(time: Timebase) -> Iterator[RehearsalRecord]:
-        with RunRecorder(folder, config, time) as recorder:
-            record = FlightRecorder(recorder)
+        with RunRecorder(folder, config, time) as recorder, FlightRecorder(recorder) as record:
             try:
                 yield RehearsalRecord(record, time)
             finally:

@@ -27,7 +27,7 @@ def at_most(rule: str, value: float | None, limit: float, unit: str) -> Violatio
     """`value` is known, finite and not above `limit`."""
     if value is None:
         return Violation(rule, "unknown", f"at most {limit:g} {unit}")
-    if not isfinite(value) or value > limit:
+    if not (isfinite(value) and value <= limit):  # so that a limit of NaN allows nothing
         return Violation(rule, f"{value:.3g} {unit}", f"at most {limit:g} {unit}")
     return None
 
@@ -36,7 +36,7 @@ def at_least(rule: str, value: float | None, limit: float, unit: str) -> Violati
     """`value` is known, finite and not below `limit`."""
     if value is None:
         return Violation(rule, "unknown", f"at least {limit:g} {unit}")
-    if not isfinite(value) or value < limit:
+    if not (isfinite(value) and value >= limit):
         return Violation(rule, f"{value:.3g} {unit}", f"at least {limit:g} {unit}")
     return None
 

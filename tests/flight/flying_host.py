@@ -51,7 +51,10 @@ def hover(drone: str, mocap: str, folder: Path, limits: SafetyLimits, hang_s: fl
         if state.phase is Phase.MOVING_TO_START:
             time.sleep(hang_s)
 
-    with RunRecorder(folder, {"drone": drone, "mocap": mocap}) as recorder:
+    with (
+        RunRecorder(folder, {"drone": drone, "mocap": mocap}) as recorder,
+        FlightRecorder(recorder) as record,
+    ):
         flight = SupervisedFlight(
             drone=drone,
             mocap=mocap,
@@ -66,7 +69,7 @@ def hover(drone: str, mocap: str, folder: Path, limits: SafetyLimits, hang_s: fl
             blocks=TEST_FLIGHT_BLOCKS,
             settings=TEST_FLIGHT_SETTINGS,
             commands=lambda link, events, _readback: CommandRunner(link, events, WALL),
-            record=FlightRecorder(recorder),
+            record=record,
             clock=WALL,
             on_phase=on_phase,
         )

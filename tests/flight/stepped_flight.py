@@ -6,6 +6,7 @@ Every part that the loop calls stands behind a :class:`Trap`, which can throw wh
 import queue
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -127,6 +128,15 @@ class DirectRunner(CommandRunner):
         self._answer(order)
 
 
+class DirectRecorder(FlightRecorder):
+    """Writes at once: what fails is told in the step in which it does."""
+
+    def _later(self, call: Callable[[], object]) -> None:
+        if self._lost is None and not self._closed:
+            with self._losing:
+                call()
+
+
 class DirectLink:
     """The drone's commander and supervisor without packets, and a stop path without a network."""
 
@@ -215,7 +225,7 @@ class Stepped:
     late_s: float
 
 
-def fly(folder: Path, injection: Injection) -> Stepped:
+def fly(folder: Path, injection: Injection, recorder: type[FlightRecorder] = DirectRecorder) -> Stepped:
     """Hover, then land because the end of the course never comes; or because of what is injected."""
     flight = _Drone()
     flight.run(1.0)
@@ -235,14 +245,18 @@ def fly(folder: Path, injection: Injection) -> Stepped:
 
     link.stop_path = trap("stop_path", link)  # type: ignore[attr-defined]
     runner = DirectRunner(link, events, time)  # type: ignore[arg-type]
-    with RunRecorder(folder, {}) as recorder, OperatorInterrupts() as interrupts:
+    with (
+        RunRecorder(folder, {}) as written,
+        recorder(trap("recorder", written)) as record,
+        OperatorInterrupts() as interrupts,
+    ):
         loop = FlightLoop(
             clock=trap("clock", time),
             link=trap("link", link),
             bridge=trap("bridge", _Bridge()),
             telemetry=trap("telemetry", link),
             commands=trap("commands", runner),
-            record=FlightRecorder(trap("recorder", recorder)),
+            record=record,
             interrupts=trap("interrupts", interrupts),
             kicker=trap("kicker", WatchdogKicker(link, time)),  # type: ignore[arg-type]
             events=trap("events", events),

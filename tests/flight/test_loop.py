@@ -1,11 +1,14 @@
 """An exception at every call of the loop, one at a time: the drone lands or is stopped, and it is told."""
 
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import perchhw.flight.loop as loop_module
+from perchhw.flight.recording import FlightRecorder
+from perchhw.record import RunRecorder
 from perchhw.supervisor import Phase
 from tests.flight.stepped_flight import Injected, Injection, Stepped, fly
 from tests.tiers import some
@@ -26,6 +29,7 @@ PLACES = (
 )
 DISPLAYS = ("on_phase()", "on_look()")
 STOP_PLACES = ("link.stop_path", "stop_path.trigger", "stop_path.report")
+PATIENCE_S = 60.0
 SOFT = 1.5
 """m/s; a drone whose motors stop at the height of the hover hits the floor with 3 m/s."""
 
@@ -72,6 +76,28 @@ def test_a_part_that_fails_for_ever_ends_on_the_floor(place: str, tmp_path: Path
     assert at_rest(stepped)
     assert stepped.state.phase is Phase.DONE
     assert stepped.state.aborted_by is not None
+
+
+def test_a_disk_that_stands_still_in_the_air_holds_up_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drone lands, though nothing that was recorded since has been written."""
+    monkeypatch.setattr("perchhw.flight.recording.STUCK_S", 0.0)
+    disk_goes_on, write = threading.Event(), RunRecorder.write
+
+    def write_to_a_slow_disk(self: RunRecorder, topic: str, t: float, values: dict[str, Any]) -> None:
+        if values.get("state") == Phase.TAKING_OFF.value:
+            disk_goes_on.wait(PATIENCE_S)
+        write(self, topic, t, values)
+
+    monkeypatch.setattr(RunRecorder, "write", write_to_a_slow_disk)
+    stepped = fly(tmp_path / "run", Injection(), FlightRecorder)
+    assert not disk_goes_on.is_set()
+    disk_goes_on.set()
+    assert at_rest(stepped)
+    assert stepped.fastest_fall < SOFT
+    assert stepped.late_s < 0.03
+    assert str(stepped.state.aborted_by).startswith("record_lost: the disk has taken nothing for")
 
 
 @pytest.mark.parametrize("error", [Injected, pytest.param(SystemExit, marks=pytest.mark.further)])

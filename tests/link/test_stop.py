@@ -1,7 +1,9 @@
 """The stop path alone: it leaves at once, goes on until locked, and outlives the link."""
 
+import logging
 import socket
 import threading
+from contextlib import ExitStack
 
 import pytest
 
@@ -141,6 +143,34 @@ def test_a_stop_leaves_while_every_lock_of_the_link_is_held(tiny: TinyDrone, lin
         link.stop_path.trigger()
         until(lambda: tiny.supervisor_bits & 0x40)
     report = link.stop_path.wait(PATIENCE_S)
+    assert report is not None
+    assert report.locked
+
+
+class _BreakingPort(UdpStopPort):
+    """The transport fails twice, and then works again."""
+
+    failures = 2
+
+    def stop(self, packet: bytes) -> None:
+        if self.failures:
+            self.failures -= 1
+            raise OSError("as a transport that is breaking")
+        super().stop(packet)
+
+
+def test_a_copy_that_fails_says_so_to_nobody_who_could_hold_it_up(tiny: TinyDrone) -> None:
+    """A log's handlers have locks, and its terminal may stand still."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp, ExitStack() as held:
+        udp.connect(("127.0.0.1", int(tiny.uri.rsplit(":", 1)[1])))
+        udp.settimeout(0.01)
+        for handler in logging.getLogger().handlers:  # pytest's
+            handler.acquire()
+            held.callback(handler.release)
+        path = StopPath(_BreakingPort(udp))
+        path.trigger()
+        report = path.wait(PATIENCE_S)
+    path.close()
     assert report is not None
     assert report.locked
 

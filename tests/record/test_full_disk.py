@@ -31,6 +31,7 @@ record = FlightRecorder(RunRecorder(Path(sys.argv[1]), {}))
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # as a disk with no room for more
 for index in range(1000):
     record.write("power", 0.001 * index, {"vbat": 4.0})
+record.settle()
 print(record.lost)
 record.close(outcome="aborted", aborted_by=record.lost)
 """
@@ -115,9 +116,11 @@ def test_a_really_full_disk_keeps_how_the_flight_ended(
     folder = small_disk / "run"
     record = FlightRecorder(RunRecorder(folder, {}))
     record.event("phase", 0.0, phase="taking_off")
+    assert record.settle()
     _fill(small_disk)
     for index in range(200):
         record.write("power", 0.001 * index, {"vbat": 4.0})
+    assert record.settle()
     assert record.lost is not None
     record.close(outcome="aborted", aborted_by=f"record_lost: {record.lost}")
     _fill(small_disk)
