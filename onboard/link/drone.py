@@ -18,7 +18,7 @@ from onboard.arrays import Vector
 from onboard.closing import Closing
 from onboard.link.commands import Commands
 from onboard.link.connection import Connection, connect
-from onboard.link.crazyflie import closed_on_error
+from onboard.link.crazyflie import broken_opening, closed_on_error
 from onboard.link.driver import ResendingUdpDriver
 from onboard.link.errors import LinkLost, LinkTimeout
 from onboard.link.logs import LogSample, LogStream, LogStreams
@@ -71,6 +71,8 @@ class DroneLink(Closing):
         self._commands = Commands(self._exchange, reply_timeout_s)
         self._policy = PolicyUpload(self._parameters, self._memories, transfer_timeout_s, clock)
         link = crazyflie.link
+        if link is None:  # lost between its last answer and now
+            raise broken_opening(uri, crazyflie.failure or "it was closed", heard=True)
         port = link.stop_port() if isinstance(link, ResendingUdpDriver) else CflibStopPort(link)
         self.stop_path = StopPath(port, clock)
         self._closing = threading.Event()
@@ -259,7 +261,7 @@ class DroneLink(Closing):
     def send_pose(self, position: Sequence[float], quaternion: Sequence[float]) -> None:
         """Send a pose from motion capture to the drone's estimator, unanswered.
 
-        Over UDP this never blocks; over the radio it waits for its turn, some ms and at most 2 s.
+        Over UDP this never blocks; over the radio it waits for its turn, at most 20 ms, and is then given up.
 
         Args:
             position: x, y, z [m], world (ENU).

@@ -108,7 +108,7 @@ class Exchange:
         return self._clock() - last
 
     def send(self, port: int, channel: int, payload: bytes) -> None:
-        """Send one packet that asks for no answer (over the radio this waits for its turn, at most 2 s).
+        """Send one packet that asks for no answer (over the radio this waits for its turn, at most 20 ms).
 
         Raises:
             LinkLost: the link is gone or closed.

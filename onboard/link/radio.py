@@ -5,6 +5,11 @@ acknowledged the last; a send waits up to 2 s for its place, whoever sends. Here
 given up when it belongs to a stream (poses, setpoints, echoes, kicks of the watchdog: the next is newer); a
 request goes on waiting beside, in order, for at most 2 s, and its sender does not. A stop throws out what
 waits, and keeps everything else out while it is being repeated.
+
+A radio has no second way to a drone, as a duplicate of a socket is one: who closes the driver silences the
+stop. And cflib closes it for a fade: 100 sends without an acknowledgement, some tenths of a second. So from
+the moment that a stop may have to leave through it until none can any more, a fade is no error (its thread
+goes on sending; who watches for silence says when the link is lost), and no error closes the driver.
 """
 
 import contextlib
@@ -19,7 +24,6 @@ from cflib.crtp.crtpstack import CRTPPacket
 from cflib.crtp.radiodriver import RadioDriver
 
 from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, CrtpPacket
-from onboard.link.stop import LONGEST_S
 
 SEND_S = 0.02
 """Longest time that a send takes."""
@@ -30,6 +34,8 @@ KEPT_OUT_S = 0.1
 _LATE_LIMIT = 64
 _STREAM_HEADERS = frozenset({ECHO_HEADER, 0x30, 0x60, 0x61, 0x70})
 _KICK = (0x91, 0x04)
+_FADE = "Too many packets lost"
+"""What cflib says of 100 sends in a row that nobody acknowledged."""
 
 
 def _of_a_stream(packet: CrtpPacket) -> bool:
@@ -46,6 +52,8 @@ class GuardedRadioDriver(RadioDriver):
         self._late_noted = threading.Event()
         self._closed = threading.Event()
         self._kept_out_until = 0.0
+        self._no_stop_can_come = threading.Event()
+        self._no_stop_can_come.set()
 
     def connect(
         self,
@@ -53,8 +61,14 @@ class GuardedRadioDriver(RadioDriver):
         radio_link_statistics_callback: Callable[..., None] | None,
         link_error_callback: Callable[[str], None] | None,
     ) -> None:
-        """As cflib's."""
-        super().connect(uri, radio_link_statistics_callback, link_error_callback)
+        """As cflib's; of a fade it is told only while no stop can come."""
+
+        def tell(message: str) -> None:
+            faded = message == _FADE and not self._no_stop_can_come.is_set()
+            if link_error_callback is not None and not faded:
+                link_error_callback(message)
+
+        super().connect(uri, radio_link_statistics_callback, tell)
         threading.Thread(target=self._send_late, name="RadioLate", daemon=True).start()
 
     def send_packet(self, pk: CrtpPacket) -> bool:
@@ -82,11 +96,17 @@ class GuardedRadioDriver(RadioDriver):
                 self.out_queue.put_nowait(pk)
                 return
 
+    def stops_may_come(self) -> None:
+        """From now on neither a fade nor an error closes this, until :meth:`stops_are_over`."""
+        self._no_stop_can_come.clear()
+
+    def stops_are_over(self) -> None:
+        """Nobody sends a stop any more."""
+        self._no_stop_can_come.set()
+
     def close(self) -> None:
-        """Close, once a stop that is being sent has come to its end."""
-        deadline = time.monotonic() + LONGEST_S
-        while (now := time.monotonic()) < min(deadline, self._kept_out_until):
-            time.sleep(self._kept_out_until - now)
+        """Close, once no stop can come any more."""
+        self._no_stop_can_come.wait()
         self._closed.set()
         self._late_noted.set()
         super().close()
@@ -109,27 +129,32 @@ class GuardedRadioDriver(RadioDriver):
 class CflibStopPort:
     """A :class:`onboard.link.stop.StopPort` on a driver of cflib: the radio, or the USB cable.
 
+    A radio's driver stays open until this is closed; a cable's does not outlive an error.
+
     Args:
         driver: connected.
     """
 
     def __init__(self, driver: Any) -> None:
         self._driver = driver
+        self._radio = driver if isinstance(driver, GuardedRadioDriver) else None
+        if self._radio is not None:
+            self._radio.stops_may_come()
 
     def stop(self, packet: bytes) -> None:
         """Send, over the radio before what waits."""
         pk = CRTPPacket(packet[0], packet[1:])
-        if isinstance(self._driver, GuardedRadioDriver):
-            self._driver.displace(pk)
+        if self._radio is not None:
+            self._radio.displace(pk)
         else:
             self._driver.send_packet(pk)
 
     def ask(self, packet: bytes) -> None:
         """Send if the last packet has left within 20 ms."""
         pk = CRTPPacket(packet[0], packet[1:])
-        if isinstance(self._driver, GuardedRadioDriver):
+        if self._radio is not None:
             with contextlib.suppress(queue.Full):
-                self._driver.out_queue.put(pk, timeout=SEND_S)
+                self._radio.out_queue.put(pk, timeout=SEND_S)
         else:
             self._driver.send_packet(pk)
 
@@ -148,4 +173,6 @@ class CflibStopPort:
         """The driver's thread reads."""
 
     def close(self) -> None:
-        """The driver is closed by its link."""
+        """The driver may be closed, by its link."""
+        if self._radio is not None:
+            self._radio.stops_are_over()

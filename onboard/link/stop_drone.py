@@ -93,9 +93,11 @@ def _cflib_port(uri: str) -> Iterator[StopPort]:
     from onboard.link.radio import CflibStopPort
 
     driver = _open_driver(uri)
+    port = CflibStopPort(driver)
     try:
-        yield CflibStopPort(driver)
+        yield port
     finally:
+        port.close()
         driver.close()
 
 

@@ -8,11 +8,13 @@ import zlib
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout, exchange, reboot
+from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout, drone, exchange, reboot
+from onboard.link.connection import Connection, connect
 from onboard.timebase import WallTime
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.link.tiny_drone import MEMORY_TYPE, TinyDrone
@@ -185,6 +187,22 @@ def test_connects_over_slow_and_lossy_networks(tiny: TinyDrone, tmp_path: Path, 
     ):
         assert link.has_param("ring.solid")
         assert link.has_log("pm.vbatMV")
+
+
+def test_a_link_that_breaks_after_the_last_answer_is_lost(
+    tiny: TinyDrone, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before anybody could ask for a stop through it."""
+
+    def connect_and_break(*arguments: Any, **options: Any) -> Connection:
+        made = connect(*arguments, **options)
+        made.crazyflie._link_error_cb("as if it had vanished")
+        until(lambda: made.crazyflie.link is None)
+        return made
+
+    monkeypatch.setattr(drone, "connect", connect_and_break)
+    with pytest.raises(LinkLost, match="while it was set up: as if it had vanished"):
+        patient_link(tiny.uri)
 
 
 def test_a_connection_that_comes_too_late_says_how_to_wait_longer(tiny: TinyDrone) -> None:
