@@ -2,18 +2,21 @@
 
 import json
 import math
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from calibration.gap.suggest.campaign_file import flights_file, landings_file
 from calibration.gap.suggest.hypothesis import Hypothesis
-from calibration.gap.suggest.landing_separation import landing_separation
+from calibration.gap.suggest.landing_separation import LANDINGS, landing_separation
 from calibration.gap.suggest.open_questions import GapReportError, OpenQuestions, read_questions
 from calibration.gap.suggest.separation import separation
 from calibration.gap.suggest.simulate import fly_course
 from calibration.gap.suggest.spectra import noise_spectra, weighed
-from calibration.gap.suggest.suggestions import Suggester
+from calibration.gap.suggest.suggestions import Suggester, Suggestion
 from onboard.manoeuvres import MANOEUVRES, manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
@@ -178,6 +181,16 @@ def test_what_is_written_is_a_campaign_that_can_be_flown(
     chosen = next(s for s in document["suggestions"] if s["effects"] == ["motor_lag", "command_delay"])
     assert [flight.kind for flight in plan.flights] == [chosen["flight"]] * chosen["times"]
     assert len(load_plan(landings).slots()) == 9
+
+
+@pytest.mark.parametrize(("kind", "write"), [("circles", flights_file), (LANDINGS, landings_file)])
+@pytest.mark.parametrize("folder", ["\N{HELICOPTER}", 'a "quoted" one', "del\x7f"])
+def test_a_vehicle_may_lie_in_a_folder_of_any_name(kind: str, write: Any, folder: str) -> None:
+    vehicle = f"/data/{folder}/mine.toml"
+    wanted = [Suggestion(("wind", "leg_damping"), kind, 1, (), None)]
+    text = write(wanted, folder, "udp://127.0.0.1:19850", "vicon://127.0.0.1:18801", vehicle, ROOM)
+    written = tomllib.loads(text)
+    assert (written["name"], written["vehicle"]) == (folder, vehicle)
 
 
 def test_a_vehicle_must_be_named_or_beside_the_report(

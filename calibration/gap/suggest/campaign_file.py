@@ -1,12 +1,12 @@
 """The campaign file that flies what was suggested (docs/campaigns.md)."""
 
-import json
 from collections.abc import Sequence
 
 from calibration.gap.suggest.landing_separation import ANGLES_DEG, LANDINGS, SPEEDS
 from calibration.gap.suggest.suggestions import Suggestion
 from onboard.manoeuvres import MANOEUVRES
 from onboard.room import RoomGeometry
+from onboard.toml_file import toml_text
 
 
 def flights_file(
@@ -57,10 +57,10 @@ def _head(name: str, drone: str, mocap: str, vehicle: str, room: RoomGeometry) -
     """What both kinds of file have in common; tables come last in TOML, so the room does, too."""
     return [
         'schema = "perchhw.campaign/1"',
-        f"name = {json.dumps(name)}",
-        f"drone = {json.dumps(drone)}",
-        f"mocap = {json.dumps(mocap)}",
-        f"vehicle = {json.dumps(vehicle)}",
+        f"name = {toml_text(name)}",
+        f"drone = {toml_text(drone)}",
+        f"mocap = {toml_text(mocap)}",
+        f"vehicle = {toml_text(vehicle)}",
         "",
         "[room]",
         f"ceiling_z = {room.ceiling_z:g}",
