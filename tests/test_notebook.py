@@ -32,14 +32,14 @@ from tests.conftest import REPOSITORY
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", [perchhw, pytest.param(perchhw.notebook, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("module", [perchhw, perchhw.notebook])
 def test_the_examples_of_the_docstrings_run(module: object) -> None:
     done = doctest.testmod(module)  # type: ignore[arg-type]
     assert done.attempted >= 3
     assert done.failed == 0
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_the_examples_of_the_page_run() -> None:
     done = doctest.testfile(str(REPOSITORY / "docs" / "python.md"), module_relative=False)
     assert done.attempted >= 8
