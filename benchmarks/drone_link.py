@@ -167,8 +167,8 @@ def link_round(uri: str, content: bytes) -> Samples:
 
 
 def write_and_compare(link: DroneLink, content: bytes) -> None:
-    """Write and read back by the link."""
-    link.write_memory(MEMORY_TYPE_APP, content)
+    """Write and read back as an upload does, by what the link has within."""
+    link._memories.write(MEMORY_TYPE_APP, content, 0)
     if link.read_memory(MEMORY_TYPE_APP, 0, len(content)) != content:
         raise ValueError("read back something else")
 

@@ -179,21 +179,13 @@ class DroneLink(Closing):
 
     # Memory and policy
 
-    def write_memory(self, type_id: int, data: bytes, address: int = 0) -> None:
-        """Write to the first memory of a type, every chunk acknowledged.
-
-        Raises:
-            NoSuchVariable: no memory of this type.
-            LinkInputError: the data do not fit.
-            CommandRefused: the drone refuses the write; part of the data may be written.
-        """
-        self._memories.write(type_id, data, address)
-
     def read_memory(self, type_id: int, address: int, length: int) -> bytes:
         """Read from the first memory of a type.
 
         Raises:
-            NoSuchVariable, LinkInputError, CommandRefused: as for :meth:`write_memory`.
+            NoSuchVariable: no memory of this type.
+            LinkInputError: it has no such bytes.
+            CommandRefused: the drone refuses the read, or gives fewer bytes.
         """
         return self._memories.read(type_id, address, length)
 

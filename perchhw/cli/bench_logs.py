@@ -145,8 +145,7 @@ def propeller_of(name: str, vehicle: "Vehicle") -> "PropellerMap":
     coefficient = vehicle.motors.thrust_coefficient
     if coefficient is None:
         raise AnswerNotUsable(f"{vehicle.name} has no motors.thrust_coefficient: name its --propeller")
-    relative = coefficient.sigma / coefficient.value
-    return PropellerMap("vehicle", 0.0, 0.0, coefficient.value, relative, coefficient.source)
+    return PropellerMap("vehicle", 0.0, 0.0, coefficient.value, coefficient.source)
 
 
 def fit_steps(files: Sequence[Path], vehicle: "Vehicle", propeller: "PropellerMap", blades: int) -> None:

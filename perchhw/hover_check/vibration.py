@@ -47,13 +47,11 @@ class Vibration:
 
     Attributes:
         gyro, accelerometer: rms of all axes in the band, rad/s and m/s2.
-        strongest_hz: of the gyro in the band.
         rotors: a line a motor, M1 first; empty where the file has no thrust coefficient.
     """
 
     gyro: Estimate
     accelerometer: Estimate
-    strongest_hz: float
     rotors: tuple[RotorLine, ...]
 
 
@@ -72,7 +70,6 @@ def vibration(windows: CheckWindows, vehicle: Vehicle, each: FloatArray) -> Vibr
     return Vibration(
         gyro=_rms(gyro[band], seconds, "rad/s"),
         accelerometer=_rms(accelerometer[band], seconds, "m/s2"),
-        strongest_hz=float(frequencies[band][np.argmax(gyro[band])]),
         rotors=_rotors(vehicle, each, frequencies, gyro),
     )
 

@@ -204,15 +204,6 @@ class BifilarPendulum:
         for swing in self.swings:
             swing.angle = swing.rate = 0.0
 
-    @property
-    def energy(self) -> float:
-        """J of the torsion, zero at rest."""
-        height, slope, _ = hanging_height(self.theta, self._hung)
-        lowest = hanging_height(0.0, self._hung)[0]
-        hung = self.hung
-        kinetic = 0.5 * (hung.inertia + hung.mass * slope * slope) * self.rate**2
-        return float(kinetic + hung.mass * hung.gravity * (lowest - height))
-
 
 def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors that make a right-handed frame with the unit vector `axis` (3,)."""

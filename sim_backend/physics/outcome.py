@@ -1,7 +1,5 @@
 """What a landing attempt came to, from the state of the simulation."""
 
-from typing import Any
-
 from onboard.outcome import Outcome
 
 
@@ -14,8 +12,3 @@ def classify(feet: int, body_contact: bool, triggered: bool = True) -> Outcome:
     if feet >= 3:
         return Outcome.FOUR_LEG_BODY_CONTACT if body_contact else Outcome.FOUR_LEG
     return Outcome.TWO_LEG_BODY_CONTACT if body_contact else Outcome.TWO_LEG
-
-
-def landing_outcome(state: Any, triggered: bool = True) -> Outcome:
-    """The outcome of an attempt from the state at rest on the ceiling."""
-    return classify(int(state["foot_attached"].sum()), bool(state["body_contact"]), triggered)

@@ -20,8 +20,8 @@ def test_a_plan_keeps_away_from_the_swing(inertia: float, mass: float) -> None:
     plan = plan_hang(inertia, mass)
     hang = Hang(inertia=inertia, mass=mass, top=plan.distance, bottom=plan.distance, length=plan.length)
     assert plan.period == pytest.approx(hang.period, rel=1e-9)
-    assert plan.swing_ratio == pytest.approx(hang.period / (math.tau * math.sqrt(plan.length / hang.gravity)))
-    assert not any(low <= plan.swing_ratio <= high for low, high in FORBIDDEN_RATIOS)
+    swing_ratio = hang.period / (math.tau * math.sqrt(plan.length / hang.gravity))
+    assert not any(low <= swing_ratio <= high for low, high in FORBIDDEN_RATIOS)
     assert PERIODS[0] <= plan.period <= PERIODS[1]
     assert plan.uncertainty < 0.004
 

@@ -14,12 +14,12 @@ from onboard.room import RoomGeometry
 from onboard.rotation import body_z
 from onboard.vehicle import Vehicle
 from perchhw.attempt import Outcome
-from sim_backend.physics.outcome import landing_outcome
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.reset import charged
 from sim_backend.physics.rollout import hold_velocity, limited, place
 from sim_backend.physics.state import new_state
 from sim_backend.physics.step import step_thrust
+from tests.physics.outcome import landing_outcome
 
 CHANNELS = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "gx", "gy", "gz")
 

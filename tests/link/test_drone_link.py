@@ -136,15 +136,15 @@ def test_no_answer_is_a_timeout_with_the_question_in_it(tiny: TinyDrone, hasty: 
 
 def test_memory_round_trip_at_any_address_and_length(tiny: TinyDrone, link: DroneLink) -> None:
     data = bytes(range(200))
-    link.write_memory(MEMORY_TYPE, data, address=77)
+    link._memories.write(MEMORY_TYPE, data, address=77)
     assert bytes(tiny.memory[77:277]) == data
     assert link.read_memory(MEMORY_TYPE, 80, 49) == data[3:52]
     assert link.read_memory(MEMORY_TYPE, 0, 0) == b""
     with pytest.raises(LinkInputError, match="do not fit"):
-        link.write_memory(MEMORY_TYPE, data, address=MEMORY_SIZE - 100)
+        link._memories.write(MEMORY_TYPE, data, address=MEMORY_SIZE - 100)
     tiny.memory_status = 5
     with pytest.raises(CommandRefused, match="status 5"):
-        link.write_memory(MEMORY_TYPE, data)
+        link._memories.write(MEMORY_TYPE, data, address=0)
 
 
 def test_uploaded_policy_is_live_under_its_checksum(tiny: TinyDrone, link: DroneLink) -> None:

@@ -60,4 +60,4 @@ def test_the_address_map_has_a_gap_and_the_recorder_is_read_only() -> None:
             with pytest.raises(CommandRefused, match="refuses to read"):
                 link.read_memory(MEMORY_TYPE_APP, address, 2)
         with pytest.raises(CommandRefused, match="refuses to write"):
-            link.write_memory(MEMORY_TYPE_APP, b"\1", RECORD_ADDRESS)
+            link._memories.write(MEMORY_TYPE_APP, b"\1", RECORD_ADDRESS)

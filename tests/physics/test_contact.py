@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from onboard.outcome import Outcome
-from sim_backend.physics.outcome import classify, landing_outcome
+from sim_backend.physics.outcome import classify
 from sim_backend.physics.reset import approaching, resting_on_floor
 from sim_backend.physics.step import step_thrust
 from tests.physics.energy import mechanical_energy
+from tests.physics.outcome import landing_outcome
 
 OFF = (0.0, 0.0, 0.0, 0.0)
 

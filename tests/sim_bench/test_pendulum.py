@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.special import ellipk
 
 from onboard.gravity import GRAVITY
-from sim_backend.bench.pendulum import BifilarPendulum, Hung, across, small_angle_rate
+from sim_backend.bench.pendulum import BifilarPendulum, Hung, across, hanging_height, small_angle_rate
 
 JIG = Hung(inertia=30e-6, mass=0.038, top=0.06, bottom=0.06, length=0.6)
 ODD = Hung(inertia=30e-6, mass=0.038, top=0.10, bottom=0.06, length=0.2, offset=0.004)
@@ -37,18 +37,27 @@ def height(hung: Hung, theta: float) -> float:
     return heights[0] + (heights[1] - heights[0]) * (r - e) / (2 * r)
 
 
+def energy(pendulum: BifilarPendulum) -> float:
+    """J of the torsion, zero at rest."""
+    hung = pendulum.hung
+    below, slope, _ = hanging_height(pendulum.theta, np.array(hung))
+    lowest = hanging_height(0.0, np.array(hung))[0]
+    kinetic = 0.5 * (hung.inertia + hung.mass * slope * slope) * pendulum.rate**2
+    return float(kinetic + hung.mass * hung.gravity * (lowest - below))
+
+
 @pytest.mark.parametrize("hung", [JIG, ODD])
 @pytest.mark.parametrize("degrees", [10.0, 80.0])
 def test_energy_is_kept_without_damping(hung: Hung, degrees: float) -> None:
     pendulum = BifilarPendulum(hung)
     pendulum.hold(math.radians(degrees), 0.0)
-    start = pendulum.energy
+    start = energy(pendulum)
     assert start == pytest.approx(
         hung.mass * GRAVITY * (height(hung, 0.0) - height(hung, math.radians(degrees)))
     )
     for _ in range(20_000):
         pendulum.step()
-        assert pendulum.energy == pytest.approx(start, rel=1e-8)
+        assert energy(pendulum) == pytest.approx(start, rel=1e-8)
 
 
 @pytest.mark.parametrize("degrees", [2.0, 10.0, 25.0])
@@ -94,7 +103,7 @@ def test_linear_and_quadratic_damping_take_their_share_of_the_amplitude() -> Non
             before = pendulum.theta
             pendulum.step()
             crossings += before * pendulum.theta < 0.0
-    amplitude = [math.sqrt(2 * p.energy / JIG.inertia) / rate for p in (linear, square)]
+    amplitude = [math.sqrt(2 * energy(p) / JIG.inertia) / rate for p in (linear, square)]
     seconds = 15.5 * math.pi / rate
     assert amplitude[0] == pytest.approx(0.05 * math.exp(-0.005 * rate * seconds), rel=2e-3)
     # A slow average over a cycle: dA/dt = -4/(3 pi) c A^2 w.

@@ -40,16 +40,13 @@ class HangPlan:
 
     Attributes:
         distance: m, of the strings, top and bottom. length: m.
-        period: s, of small turns. swing_ratio: that over the period of swinging.
-        seconds: to record 20 cycles.
+        period: s, of small turns.
         uncertainty: expected relative standard uncertainty of the inertia.
     """
 
     distance: float
     length: float
     period: float
-    swing_ratio: float
-    seconds: float
     uncertainty: float
 
 
@@ -100,7 +97,7 @@ def _plans(inertia: float, mass: float, tools: Instruments) -> Iterator[HangPlan
                 continue
             sigma = tools.trial_spread * period / math.sqrt(tools.trials)
             share = expected_uncertainty(rig, Estimate(period, "s", sigma, tools.trials - 1.0))
-            yield HangPlan(distance, length, period, ratio, 20.0 * period, share)
+            yield HangPlan(distance, length, period, share)
 
 
 def _rig(mass: float, distance: float, length: float, tools: Instruments) -> Rig:

@@ -24,7 +24,6 @@ class PropellerMap:
         offset: N.
         linear: N s/rad.
         square: N s2/rad2.
-        relative_sigma: standard uncertainty of the thrust at a speed, relative.
         source: citation.
     """
 
@@ -32,7 +31,6 @@ class PropellerMap:
     offset: float
     linear: float
     square: float
-    relative_sigma: float
     source: str
 
     def thrust(self, speed: float) -> float:
@@ -59,7 +57,7 @@ class PropellerMap:
 
 def _bitcraze(name: str, rpm1: float, rpm2: float, what: str) -> PropellerMap:
     source = f"crazyflie-firmware tools/system_id and utiasDSL drone-models params.toml, {what}"
-    return PropellerMap(name, 0.0, rpm1 * _RPM, rpm2 * _RPM**2, 0.03, source)
+    return PropellerMap(name, 0.0, rpm1 * _RPM, rpm2 * _RPM**2, source)
 
 
 PROPELLERS: dict[str, PropellerMap] = {
@@ -75,7 +73,6 @@ PROPELLERS: dict[str, PropellerMap] = {
             0.0,
             0.0,
             2.2e-8,
-            0.06,
             "Bitcraze 2015 table (crazyflie-firmware docs, pwm-to-thrust) as the paper's authors used it: "
             "one coefficient near full thrust; 1.78e-8 at low speed",
         ),
@@ -84,7 +81,6 @@ PROPELLERS: dict[str, PropellerMap] = {
             -7.24e-3,
             1.557e-5,
             1.282e-8,
-            0.05,
             "Foerster 2015, System Identification of the Crazyflie 2.0, ETH Zurich: PWM eliminated from his "
             "thrust and speed curves (paper errata 2)",
         ),

@@ -79,7 +79,7 @@ def _motors(believed: Vehicle) -> Wizard:
     coefficient = believed.motors.thrust_coefficient
     if coefficient is None:
         raise FlightStackError(f"{believed.name}: no motors.thrust_coefficient, so no thrust from a speed")
-    propeller = PropellerMap("vehicle", 0.0, 0.0, coefficient.value, 0.1, coefficient.source)
+    propeller = PropellerMap("vehicle", 0.0, 0.0, coefficient.value, coefficient.source)
 
     def wizard(bench: SimulatedLab, folder: Path, assistant: Assistant) -> Concluded:
         ports = bench.ready["bench"]
