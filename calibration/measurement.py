@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from onboard.arrays import FloatArray
+from onboard.arrays import FloatArray, IntArray
 from onboard.quantity import Quantity
 
 COVERAGE = 0.95
@@ -189,6 +189,11 @@ def interval_of(drawn: FloatArray) -> Interval:
     """The middle 95 % of what was drawn, shape (n,)."""
     low, high = np.quantile(drawn, [0.025, 0.975])
     return float(low), float(high)
+
+
+def drawn_again(count: int, sets: int, rng: np.random.Generator) -> IntArray:
+    """Indices (sets, count) of flights or landings, drawn from `count` with replacement: the bootstrap."""
+    return rng.integers(0, count, (sets, count))
 
 
 def wilson_interval(successes: int, trials: int) -> Interval:

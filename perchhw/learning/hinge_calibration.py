@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.measurement import drawn_again
 from onboard.arrays import FloatArray
 from onboard.vehicle import known_leg_designs, vehicle_to_toml
 from perchhw.learning.authors_models import authors_vehicle
@@ -189,8 +190,7 @@ def calibrate(
     everything = np.arange(count)
     scores = tuple(score(scanned[hinge], everything, reference) for hinge in hinges)
     picked = []
-    for _ in range(replicates):
-        drawn = np.sort(rng.integers(0, count, count))
+    for drawn in np.sort(drawn_again(count, replicates, rng), axis=1):
         picked.append(int(np.argmax([score(scanned[hinge], drawn, reference).total for hinge in hinges])))
     return HingeCalibration(
         hinges=hinges,

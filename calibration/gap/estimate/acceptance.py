@@ -14,6 +14,7 @@ from calibration.gap.estimate.mixed import jackknife_errors
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.estimate.shared_nuisances import swallowed
+from calibration.measurement import drawn_again
 from onboard.arrays import FloatArray
 
 LEAST_GAIN = 15.0
@@ -182,5 +183,5 @@ def lower_bound(gains: FloatArray, training: Training, few: bool, rng: np.random
     values = gains[np.abs(gains) > 0.5] if few else flights
     if values.size == 0:
         return 0.0
-    drawn = rng.choice(values, size=(_REPEATS, values.size))
-    return float(np.quantile(drawn.sum(axis=1), 0.025))
+    drawn = values[drawn_again(values.size, _REPEATS, rng)].sum(axis=1)
+    return float(np.quantile(drawn, 0.025))

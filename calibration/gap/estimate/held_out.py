@@ -10,7 +10,7 @@ from calibration.gap.data.found import Improvement
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, UNITS, Signals, stack_signals, window_means
 from calibration.gap.estimate.model import Model
-from calibration.measurement import interval_of
+from calibration.measurement import drawn_again, interval_of
 from onboard.arrays import FloatArray
 
 WINDOW = 0.1
@@ -66,8 +66,7 @@ def improvement(before: ChannelErrors, after: ChannelErrors, rng: np.random.Gene
     """What came from one model to the next, in the channel whose error fell by the largest share."""
     one, other = before.rms(), after.rms()
     channel = int(np.argmax(np.where(one > 0.0, 1.0 - other / np.maximum(one, 1e-300), -np.inf)))
-    flights = before.counts.shape[0]
-    drawn = rng.integers(flights, size=(_DRAWS, flights))
+    drawn = drawn_again(before.counts.shape[0], _DRAWS, rng)
     gains = [before.rms(draw)[channel] - after.rms(draw)[channel] for draw in drawn]
     return Improvement(
         error_before=float(one[channel]),

@@ -18,7 +18,7 @@ from calibration.gap.landings.search import (
     bootstrap,
     leave_one_out,
 )
-from calibration.measurement import Interval, interval_of
+from calibration.measurement import Interval, drawn_again, interval_of
 from onboard.arrays import FloatArray
 from onboard.vehicle import EFFECTS
 
@@ -81,8 +81,7 @@ def choose(table: ScoreTable, best: Mapping[Effects, Theta], rng: np.random.Gene
 
 def gains(difference: FloatArray, rng: np.random.Generator) -> bool:
     """Whether a held-out gain (per landing) is large, and above zero when landings are drawn again."""
-    count = difference.size
-    drawn = difference[rng.integers(0, count, (REPLICATES, count))].sum(axis=1)
+    drawn = difference[drawn_again(difference.size, REPLICATES, rng)].sum(axis=1)
     return bool(difference.sum() >= LEAST_GAIN and np.quantile(drawn, 0.025) > 0.0)
 
 

@@ -36,7 +36,7 @@ from calibration.gap.landings.search import (
     widen,
 )
 from calibration.gap.landings.segments import LandingSegment, landing_of
-from calibration.measurement import Interval, interval_of
+from calibration.measurement import Interval, drawn_again, interval_of
 from onboard.arrays import FloatArray
 from onboard.linear_algebra import on_one_thread
 from onboard.room import RoomGeometry
@@ -248,7 +248,7 @@ def _up_to(finding: FoundEffect, strength: float) -> FoundEffect:
 
 def improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> Improvement:
     """From errors (rad/s, (n,)) to that of their medians; for the interval landings are drawn again."""
-    drawn = rng.integers(0, before.size, (REPLICATES, before.size))
+    drawn = drawn_again(before.size, REPLICATES, rng)
     return Improvement(
         error_before=float(np.median(before)),
         error_after=float(np.median(after)),

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.gap.landings.problem import Solver
+from calibration.measurement import drawn_again
 from onboard.arrays import FloatArray
 from sim_backend.physics.effects.registry import TERMS
 
@@ -268,11 +269,8 @@ def bootstrap(
     thetas, scores = table.of_model(model)
     points = np.array(thetas)
     count = scores.shape[1]
-    out = np.empty((replicates, points.shape[1]))
-    for k in range(replicates):
-        weight = np.bincount(rng.integers(0, count, count), minlength=count)
-        out[k] = _peak(points, scores @ weight)
-    return out
+    weights = (np.bincount(drawn, minlength=count) for drawn in drawn_again(count, replicates, rng))
+    return np.array([_peak(points, scores @ weight) for weight in weights])
 
 
 def _peak(points: FloatArray, values: FloatArray) -> FloatArray:

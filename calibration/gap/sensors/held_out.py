@@ -11,7 +11,7 @@ from calibration.gap.data.rotations import conjugates, integrate_rate, matrices,
 from calibration.gap.data.smoothing import Smoothing
 from calibration.gap.sensors.correction import align, best_values
 from calibration.gap.sensors.flight_estimates import FlightSensing, pool_flights
-from calibration.measurement import interval_of
+from calibration.measurement import drawn_again, interval_of
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
 
@@ -107,8 +107,7 @@ def held_out_improvement(
 
 def _improvement(squares: FloatArray, metric: str) -> Improvement:
     """From mean squares before and after, shape (n, 2); the interval is a bootstrap over flights."""
-    flights = squares.shape[0]
-    draws = np.random.default_rng(_SEED).integers(0, flights, (_DRAWS, flights))
-    levels = np.sqrt(squares[draws].mean(axis=1))
+    drawn = drawn_again(squares.shape[0], _DRAWS, np.random.default_rng(_SEED))
+    levels = np.sqrt(squares[drawn].mean(axis=1))
     rms = np.sqrt(squares.mean(axis=0))
     return Improvement(float(rms[0]), float(rms[1]), interval_of(levels[:, 0] - levels[:, 1]), metric)

@@ -16,6 +16,7 @@ import numpy as np
 
 from calibration.gap.landings.outcomes.starts import TriggerStart
 from calibration.gap.landings.segments import commanded_thrusts
+from calibration.measurement import drawn_again
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
@@ -204,7 +205,7 @@ def _approach(starts: Sequence[TriggerStart], vehicle: Vehicle, rng: np.random.G
         found = np.linalg.lstsq(causes, gained, rcond=None)[0]
         return float(found[1, 0] / found[1, 1])
 
-    again = [ratio(rng.integers(0, len(blocks), len(blocks)).tolist()) for _ in range(_REPLICATES)]
+    again = [ratio(chosen) for chosen in drawn_again(len(blocks), _REPLICATES, rng).tolist()]
     return ratio(range(len(blocks))), float(np.std(again))
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES
-from calibration.measurement import Interval, interval_of, wilson_interval
+from calibration.measurement import Interval, drawn_again, interval_of, wilson_interval
 from onboard.arrays import BoolArray, FloatArray, IntArray
 
 REPLICATES = 2000
@@ -117,7 +117,7 @@ def score(probability: FloatArray, real: IntArray, draws: int, rng: np.random.Ge
     count = len(real)
     happened, base = np.eye(3)[real], base_rates(real)
     own, by_base = brier(probability, real), brier(base, real)
-    drawn = rng.integers(0, count, (REPLICATES, count))
+    drawn = drawn_again(count, REPLICATES, rng)
     auc = auc_of(probability[:, 0], real == 0)
     return Score(
         flights=count,

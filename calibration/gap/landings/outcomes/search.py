@@ -29,7 +29,7 @@ from calibration.gap.landings.outcomes.scores import (
     surprise,
 )
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, WITHOUT, Point
-from calibration.measurement import Interval, interval_of
+from calibration.measurement import Interval, drawn_again, interval_of
 from onboard.arrays import BoolArray, FloatArray, IntArray
 
 LEAST_GAIN = 0.05
@@ -254,7 +254,7 @@ def search_outcomes(
     """
     logs = np.array([-surprise(one, real, draws) for one in table])
     fits = tuple(_fit(groups, filed, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
-    drawn = rng.integers(0, real.size, (DRAWN, real.size))
+    drawn = drawn_again(real.size, DRAWN, rng)
     best_with = {group: _best([fit for fit in fits if group in fit.groups]) for group in GROUPS}
     gains = {}
     for group in GROUPS:
@@ -340,7 +340,7 @@ def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.
         own[split], base[split] = brier(predicted, real), brier(base_rates(real, folds), real)
         areas.append(auc_of(predicted[:, 0], real == 0))
     change = (own - base).mean(axis=0)
-    gain, interval = _mean_of(change, rng.integers(0, real.size, (REPLICATES, real.size)))
+    gain, interval = _mean_of(change, drawn_again(real.size, REPLICATES, rng))
     known = [area for area in areas if area is not None]
     auc = float(np.mean(known)) if known else None
     held = {name: float(share) for name, share in zip(CLASS_NAMES, np.mean(inside, axis=0), strict=True)}
