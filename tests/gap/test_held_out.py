@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from calibration.gap.data.found import Improvement
 from calibration.gap.data.signals import PARTS
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.estimate.model import Model, Variable
@@ -44,6 +45,15 @@ def test_a_single_flight_gives_an_interval() -> None:
 def test_flights_are_drawn_whole_where_there_are_several() -> None:
     assert flights(1).errors(TRUE).counts.shape[0] == PARTS
     assert flights(2).errors(TRUE).counts.shape[0] == 2
+
+
+def test_an_improvement_is_of_all_flights_and_its_interval_of_the_drawn_sets() -> None:
+    squares = np.array([[4.0, 1.0], [9.0, 1.0], [17.0, 1.0]])
+    drawn = np.array([[0, 0, 0], [1, 1, 1]])
+    gain = Improvement.over(drawn, lambda flights: np.sqrt(squares[flights].mean(axis=-2)), "a metric")
+    assert (gain.error_before, gain.error_after) == pytest.approx((math.sqrt(10.0), 1.0))
+    assert gain.improvement_ci95 == pytest.approx((1.025, 1.975))
+    assert gain.metric == "a metric"
 
 
 def test_it_is_said_when_our_law_may_lose_the_vehicle_that_was_found() -> None:

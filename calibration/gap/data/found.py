@@ -1,11 +1,14 @@
 """An effect that was found, in the air, in the sensors or at landings, as the report has it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, Self
 
-from calibration.measurement import Interval
+import numpy as np
+
+from calibration.measurement import Interval, interval_of
+from onboard.arrays import FloatArray, IntArray
 from onboard.vehicle import EFFECTS
 
 
@@ -50,6 +53,13 @@ class Improvement:
     error_after: float
     improvement_ci95: Interval
     metric: str
+
+    @classmethod
+    def over(cls, drawn: IntArray, errors: Callable[[IntArray], FloatArray], metric: str) -> Self:
+        """From errors (..., 2) before and after, over flights (..., n): of all, and of the sets `drawn`."""
+        before, after = errors(np.arange(drawn.shape[-1])).tolist()
+        again = errors(drawn)
+        return cls(before, after, interval_of(again[:, 0] - again[:, 1]), metric)
 
 
 @dataclass(frozen=True, kw_only=True)

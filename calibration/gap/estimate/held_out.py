@@ -10,8 +10,8 @@ from calibration.gap.data.found import Improvement
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, UNITS, Signals, stack_signals, window_means
 from calibration.gap.estimate.model import Model
-from calibration.measurement import drawn_again, interval_of
-from onboard.arrays import FloatArray
+from calibration.measurement import drawn_again
+from onboard.arrays import FloatArray, IntArray
 
 WINDOW = 0.1
 """s that residuals are averaged over: shorter than anything that a vehicle does, longer than sensor noise."""
@@ -33,11 +33,10 @@ class ChannelErrors:
     squares: FloatArray
     counts: FloatArray
 
-    def rms(self, flights: np.ndarray | None = None) -> FloatArray:
-        """Root mean square of each channel, shape (7,); over drawn flights where they are given."""
-        rows = slice(None) if flights is None else flights
-        counts = np.maximum(self.counts[rows].sum(axis=0), 1.0)
-        return np.asarray(np.sqrt(self.squares[rows].sum(axis=0) / counts))
+    def rms(self, flights: IntArray | slice = slice(None)) -> FloatArray:
+        """Root mean square of each channel, shape (..., 7), over flights (..., n)."""
+        counts = np.maximum(self.counts[flights].sum(axis=-2), 1.0)
+        return np.asarray(np.sqrt(self.squares[flights].sum(axis=-2) / counts))
 
 
 class HeldOutFlights:
@@ -66,11 +65,8 @@ def improvement(before: ChannelErrors, after: ChannelErrors, rng: np.random.Gene
     """What came from one model to the next, in the channel whose error fell by the largest share."""
     one, other = before.rms(), after.rms()
     channel = int(np.argmax(np.where(one > 0.0, 1.0 - other / np.maximum(one, 1e-300), -np.inf)))
-    drawn = drawn_again(before.counts.shape[0], _DRAWS, rng)
-    gains = [before.rms(draw)[channel] - after.rms(draw)[channel] for draw in drawn]
-    return Improvement(
-        error_before=float(one[channel]),
-        error_after=float(other[channel]),
-        improvement_ci95=interval_of(np.array(gains)),
-        metric=f"{CHANNELS[channel]} residual, means of {WINDOW:g} s, {UNITS[channel]}",
+    return Improvement.over(
+        drawn_again(before.counts.shape[0], _DRAWS, rng),
+        lambda flights: np.stack([model.rms(flights)[..., channel] for model in (before, after)], axis=-1),
+        f"{CHANNELS[channel]} residual, means of {WINDOW:g} s, {UNITS[channel]}",
     )

@@ -36,7 +36,7 @@ from calibration.gap.landings.search import (
     widen,
 )
 from calibration.gap.landings.segments import LandingSegment, landing_of
-from calibration.measurement import Interval, drawn_again, interval_of
+from calibration.measurement import Interval, drawn_again
 from onboard.arrays import FloatArray
 from onboard.linear_algebra import on_one_thread
 from onboard.room import RoomGeometry
@@ -248,12 +248,10 @@ def _up_to(finding: FoundEffect, strength: float) -> FoundEffect:
 
 def improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> Improvement:
     """From errors (rad/s, (n,)) to that of their medians; for the interval landings are drawn again."""
-    drawn = drawn_again(before.size, REPLICATES, rng)
-    return Improvement(
-        error_before=float(np.median(before)),
-        error_after=float(np.median(after)),
-        improvement_ci95=interval_of(np.median(before[drawn], axis=1) - np.median(after[drawn], axis=1)),
-        metric="pitch and roll rate in the 0.3 s after contact, median over landings, rad/s",
+    return Improvement.over(
+        drawn_again(before.size, REPLICATES, rng),
+        lambda landings: np.median(np.column_stack([before, after])[landings], axis=-2),
+        "pitch and roll rate in the 0.3 s after contact, median over landings, rad/s",
     )
 
 

@@ -11,8 +11,7 @@ from calibration.gap.data.rotations import conjugates, integrate_rate, matrices,
 from calibration.gap.data.smoothing import Smoothing
 from calibration.gap.sensors.correction import align, best_values
 from calibration.gap.sensors.flight_estimates import FlightSensing, pool_flights
-from calibration.measurement import drawn_again, interval_of
-from onboard.arrays import FloatArray
+from calibration.measurement import drawn_again
 from onboard.gravity import GRAVITY
 
 SPAN_S = 0.5
@@ -101,13 +100,10 @@ def held_out_improvement(
         ]
         if all(count > 0 for _, count in errors):
             squares.append([total / count for total, count in errors])
-    metric = f"{METRICS[name].meaning}, {METRICS[name].unit}"
-    return _improvement(np.array(squares), metric) if len(squares) > 1 else None
-
-
-def _improvement(squares: FloatArray, metric: str) -> Improvement:
-    """From mean squares before and after, shape (n, 2); the interval is a bootstrap over flights."""
-    drawn = drawn_again(squares.shape[0], _DRAWS, np.random.default_rng(_SEED))
-    levels = np.sqrt(squares[drawn].mean(axis=1))
-    rms = np.sqrt(squares.mean(axis=0))
-    return Improvement(float(rms[0]), float(rms[1]), interval_of(levels[:, 0] - levels[:, 1]), metric)
+    if len(squares) < 2:
+        return None
+    return Improvement.over(
+        drawn_again(len(squares), _DRAWS, np.random.default_rng(_SEED)),
+        lambda drawn: np.sqrt(np.array(squares)[drawn].mean(axis=-2)),
+        f"{METRICS[name].meaning}, {METRICS[name].unit}",
+    )
