@@ -92,6 +92,14 @@ def attitude(state: Any) -> Rotation:
 
 
 @inner
+def in_free_flight(state: Any, p: Any) -> tuple[Rotation, Vector, Wrench]:
+    """Attitude, velocity (m/s, body frame), and the wrench of a free flight at both."""
+    rot, velocity = attitude(state), state.velocity
+    v = to_body(rot, velocity[0], velocity[1], velocity[2])
+    return rot, v, free_flight_wrench(state, p, rot, v[0], v[1], v[2])
+
+
+@inner
 def feel(state: Any, p: Any, force: Vector, before: Vector, dt: float) -> None:
     """Put the mean specific force (m/s2, body) of a substep into the state, as felt in the drone's middle.
 
@@ -116,10 +124,7 @@ def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, dow
     """`dt` (s) of free flight; `up` and `down` are the motor decays of half the time."""
     drift_to_middle(state, 0.5 * dt)
     lag_to_middle(state, p, targets, up, down, 0.5 * dt)
-    rot = attitude(state)
-    velocity = state.velocity
-    vx, vy, vz = to_body(rot, velocity[0], velocity[1], velocity[2])
-    wrench = free_flight_wrench(state, p, rot, vx, vy, vz)
+    rot, _, wrench = in_free_flight(state, p)
     inverse, w = inverse_inertia(p), state.omega
     before = w[0], w[1], w[2]
     kick(state, p, rot, inverse, wrench, dt)
@@ -263,11 +268,9 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
     """`dt` (s) with everything that may touch; leaves the mean specific force of the substep in the state."""
     drift_to_middle(state, 0.5 * dt)
     lag_to_middle(state, p, targets, up, down, 0.5 * dt)
-    rot = attitude(state)
+    rot, v, wrench = in_free_flight(state, p)
     velocity = state.velocity
     ux, uy, uz = velocity[0], velocity[1], velocity[2]
-    v = to_body(rot, ux, uy, uz)
-    wrench = free_flight_wrench(state, p, rot, v[0], v[1], v[2])
     inverse, w = inverse_inertia(p), state.omega
     before = w[0], w[1], w[2]
     if any_foot_holds(state):

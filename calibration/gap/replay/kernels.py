@@ -8,12 +8,11 @@ from typing import Any
 
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import motor_targets
-from sim_backend.physics.forces import free_flight_wrench
-from sim_backend.physics.frames import Wrench, to_body, to_world
+from sim_backend.physics.frames import Wrench, to_world
 from sim_backend.physics.jit import inner, kernel, outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.state import COMMAND_MEMORY
-from sim_backend.physics.step import attitude, drift_to_end, drift_to_middle, inverse_inertia, kick
+from sim_backend.physics.step import drift_to_end, drift_to_middle, in_free_flight, inverse_inertia, kick
 
 HELD = 1e-3
 """s: commands are steps of 2 ms (the controller runs at 500 Hz), logged when they are fresh; a line through
@@ -143,11 +142,8 @@ def free_step(state: Any, p: Any, targets: Thrusts, trim: Trim, h: float, up: fl
     """``sim_backend.physics.step.free_substep`` with the trim of the flight."""
     drift_to_middle(state, 0.5 * h)
     lag_to_middle(state, p, targets, up, down, 0.5 * h)
-    rot = attitude(state)
-    velocity = state.velocity
-    vx, vy, vz = to_body(rot, velocity[0], velocity[1], velocity[2])
-    wrench = trimmed(p, free_flight_wrench(state, p, rot, vx, vy, vz), trim)
-    kick(state, p, rot, inverse_inertia(p), wrench, h)
+    rot, _, wrench = in_free_flight(state, p)
+    kick(state, p, rot, inverse_inertia(p), trimmed(p, wrench, trim), h)
     lag_to_end(state, p, targets, up, down)
     drift_to_end(state, 0.5 * h)
 
@@ -172,10 +168,9 @@ def translate(state: Any, p: Any, targets: Thrusts, trim: Trim, h: float, up: fl
     for i in range(3):
         position[i] += 0.5 * h * velocity[i]
     lag_to_middle(state, p, targets, up, down, 0.5 * h)
-    rot = attitude(state)
-    vx, vy, vz = to_body(rot, velocity[0], velocity[1], velocity[2])
-    wrench = trimmed(p, free_flight_wrench(state, p, rot, vx, vy, vz), trim)
-    fx, fy, fz = to_world(rot, wrench[0], wrench[1], wrench[2])
+    rot, _, wrench = in_free_flight(state, p)
+    force = trimmed(p, wrench, trim)
+    fx, fy, fz = to_world(rot, force[0], force[1], force[2])
     per_mass = h / p.mass
     velocity[0] += per_mass * fx
     velocity[1] += per_mass * fy

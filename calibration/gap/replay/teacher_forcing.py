@@ -17,18 +17,13 @@ from onboard.arrays import FloatArray, Vector
 from onboard.battery import battery_current
 from sim_backend.physics.battery import motor_targets
 from sim_backend.physics.effects.command import set_step
-from sim_backend.physics.forces import free_flight_wrench
-from sim_backend.physics.frames import to_body
+from sim_backend.physics.frames import Wrench
 from sim_backend.physics.jit import inner, outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.reset import with_cold_motors
-from sim_backend.physics.rigid_body import (
-    acceleration_beside,
-    gyroscopic_torque,
-    rotation_matrix,
-    unit,
-)
+from sim_backend.physics.rigid_body import acceleration_beside, gyroscopic_torque, unit
 from sim_backend.physics.state import new_state
+from sim_backend.physics.step import in_free_flight
 
 LONGEST_STEP = 2e-3
 """s, between two samples. Commands are straight there, so that twice the simulation's step moves predictions
@@ -85,12 +80,9 @@ def _turn_on(state: Any, rate: FloatArray, k: int, part: float) -> None:
 
 
 @outlined
-def _wrench(state: Any, p: Any) -> tuple[float, float, float, float, float, float]:
+def _wrench(state: Any, p: Any) -> Wrench:
     """Force (N) and torque (N m) in the body frame, at the placed state."""
-    q, v = state.quaternion, state.velocity
-    rot = rotation_matrix(q[0], q[1], q[2], q[3])
-    vx, vy, vz = to_body(rot, v[0], v[1], v[2])
-    return free_flight_wrench(state, p, rot, vx, vy, vz)
+    return in_free_flight(state, p)[2]
 
 
 @outlined
