@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.kernels import duty_between
+from calibration.gap.replay.kernels import duty_between, settle
 from onboard.arrays import FloatArray, Vector
 from onboard.battery import battery_current
 from sim_backend.physics.battery import motor_targets
@@ -117,10 +117,7 @@ def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) ->
     step = dt / steps
     up, down = decay(p, 0.5 * step)
     ix, iy, iz = p.inertia[0], p.inertia[1], p.inertia[2]
-    _place(state, record, 0, 0.0)
-    settled = motor_targets(state, p, duty[0])
-    for motor in range(4):
-        state.thrust[motor] = settled[motor]
+    settle(state, p, duty, record[5])
     for k in range(count):
         last = k == count - 1
         _place(state, record, k - 1 if last else k, 1.0 if last else 0.0)
