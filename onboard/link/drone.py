@@ -253,7 +253,8 @@ class DroneLink(Closing):
     def send_pose(self, position: Sequence[float], quaternion: Sequence[float]) -> None:
         """Send a pose from motion capture to the drone's estimator, unanswered.
 
-        Over UDP this never blocks; over the radio it waits for its turn, at most 20 ms, and is then given up.
+        The firmware's message has neither time nor uncertainty. Over UDP this never blocks; over the radio it
+        waits for its turn, at most 20 ms, and is then given up.
 
         Args:
             position: x, y, z [m], world (ENU).

@@ -25,7 +25,7 @@ def send(
     from mocap_bridge.bridge import PoseBridge
     from mocap_bridge.errors import MocapUriError
     from mocap_bridge.mavlink.address import parse_mavlink_address
-    from mocap_bridge.sinks.mavlink import MavlinkPoseSink, PoseMessage
+    from mocap_bridge.mavlink.pose_sink import MavlinkPoseSink, PoseMessage
     from onboard.lab_time import open_timebase
 
     if message not in tuple(PoseMessage):

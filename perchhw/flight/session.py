@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.correction import AS_TRACKED, PoseCorrection
-from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.app_interface import Parameter
 from onboard.link import DroneLink
 from onboard.link.exclusive import hold
@@ -119,7 +118,7 @@ class SupervisedFlight:
         record.update(engine=engine_of(link))
         bridge = PoseBridge(
             self.mocap,
-            CrazyfliePoseSink(link),
+            link,
             clock=clock,
             on_sample=pose_recorder(record),
             correction=self.correction,

@@ -4,7 +4,6 @@ import sys
 from typing import NamedTuple
 
 from mocap_bridge.bridge import PoseBridge
-from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.lab_time import open_timebase
 from onboard.link import DroneLink, LogSample
 from onboard.timebase import Event
@@ -31,10 +30,7 @@ def hover(drone: str, mocap: str, *, watched: str = "") -> Hover:
 
     with open_timebase("hover", drone, mocap) as time:
         began, pause = time(), time.event()
-        with (
-            DroneLink.open(drone, clock=time) as link,
-            PoseBridge(mocap, CrazyfliePoseSink(link), clock=time),
-        ):
+        with DroneLink.open(drone, clock=time) as link, PoseBridge(mocap, link, clock=time):
             connected = time()
             link.stream(POSITION, 10, note)
             pause.wait(1.5)

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from mocap_bridge.health import PoseVerdict
 from mocap_bridge.mavlink.address import MavlinkAddress
+from mocap_bridge.mavlink.pose_sink import MavlinkPoseSink, PoseMessage
 from mocap_bridge.pose import PoseSample
-from mocap_bridge.sinks.mavlink import MavlinkPoseSink, PoseMessage
 from tests.mavlink.ground import Listener
 
 TURNED = tuple(float(v) for v in Rotation.from_euler("ZYX", (0.4, -0.3, 0.2)).as_quat())

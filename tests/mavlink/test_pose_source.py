@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 from mocap_bridge.errors import MocapUriError, PoseTimeout, SourceLost, UnknownSubject
 from mocap_bridge.health import PoseVerdict
 from mocap_bridge.mavlink.address import MavlinkAddress
+from mocap_bridge.mavlink.pose_sink import MavlinkPoseSink, PoseMessage
 from mocap_bridge.pose import PoseSample, PoseStream, open_pose_stream
-from mocap_bridge.sinks.mavlink import MavlinkPoseSink, PoseMessage
 from onboard.errors import InputError
 from perchhw.lab import LabRequired, require_lab
 from tests.mavlink.ground import free_port, needs_mavsdk

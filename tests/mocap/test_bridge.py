@@ -12,7 +12,6 @@ from mocap_bridge.bridge import BridgeStatus, PoseBridge
 from mocap_bridge.errors import MocapError, MocapUriError
 from mocap_bridge.health import PoseVerdict
 from mocap_bridge.rotation import Quaternion, Vector
-from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from mocap_bridge.uri import SCHEMES, MocapScheme
 from onboard.timebase import WallTime
 from tests.mocap.moving_room import MovingRoom
@@ -42,10 +41,6 @@ def threads_of_bridges() -> set[str]:
     return {thread.name for thread in threading.enumerate()} & {"pose-reader", "pose-sender"}
 
 
-def running(uri: str, drone: Drone, **options) -> PoseBridge:
-    return PoseBridge(uri, CrazyfliePoseSink(drone), **options)
-
-
 def test_good_poses_reach_the_drone_in_order():
     """How soon and at what rate is measured in the lab's time and by the benchmark."""
     drone = Drone()
@@ -55,7 +50,7 @@ def test_good_poses_reach_the_drone_in_order():
         seen.append(status)
         return status.sent >= 150 and status.verdict is PoseVerdict.OK
 
-    with MovingRoom() as room, running(room.uri, drone) as bridge:
+    with MovingRoom() as room, PoseBridge(room.uri, drone) as bridge:
         assert bridge.wait_for(good, PATIENCE_S)
     status = seen[-1]
     assert status.connected
@@ -86,7 +81,7 @@ def test_every_sample_is_reported_with_its_verdict():
 
 def test_a_slow_drone_gets_the_newest_pose_and_delays_nothing():
     drone = Drone()
-    with MovingRoom() as room, running(room.uri, drone) as bridge:
+    with MovingRoom() as room, PoseBridge(room.uri, drone) as bridge:
         assert bridge.wait_for(lambda status: status.sent >= 5, PATIENCE_S)
         drone.gate.clear()
         before = bridge.status()
@@ -108,7 +103,7 @@ def test_a_slow_drone_gets_the_newest_pose_and_delays_nothing():
 def test_a_failing_sink_is_reported_and_does_not_end_the_bridge():
     drone = Drone()
     drone.fails = True
-    with MovingRoom() as room, running(room.uri, drone) as bridge:
+    with MovingRoom() as room, PoseBridge(room.uri, drone) as bridge:
         assert bridge.wait_for(lambda status: status.sink_errors >= 3, PATIENCE_S)
         assert bridge.status().sink_error == "the radio fell off the desk"
         drone.fails = False
@@ -117,7 +112,7 @@ def test_a_failing_sink_is_reported_and_does_not_end_the_bridge():
 
 def test_nothing_is_forwarded_while_the_world_is_gone():
     drone = Drone()
-    with MovingRoom() as room, running(room.uri, drone) as bridge:
+    with MovingRoom() as room, PoseBridge(room.uri, drone) as bridge:
         assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.OK, PATIENCE_S)
         room.feeding.clear()
         assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.LOST, PATIENCE_S)
@@ -132,7 +127,7 @@ def test_a_server_that_dies_is_found_again():
     drone = Drone()
     with MovingRoom() as first:
         port = first.vicon_port
-        bridge = running(first.uri, drone)
+        bridge = PoseBridge(first.uri, drone)
         bridge.start()
         assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.OK, PATIENCE_S)
     assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.LOST, PATIENCE_S)
@@ -164,7 +159,7 @@ def test_a_wrong_subject_is_said_and_never_ok():
     drone = Drone()
     with MovingRoom(subjects=("cf1", "cf2")) as room:
         uri = room.uri.replace("subject=cf1", "subject=cf3")
-        with running(uri, drone) as bridge:
+        with PoseBridge(uri, drone) as bridge:
             assert bridge.wait_for(
                 lambda status: "it offers: 'cf1', 'cf2'" in (status.error or ""), PATIENCE_S
             )
@@ -177,7 +172,7 @@ def test_stopping_ends_the_threads_while_running_and_connecting_and_leaves_a_stu
     silent = socket.create_server(("127.0.0.1", 0))  # accepts in the kernel, never greets
     with silent, MovingRoom() as room:
         bridges = [
-            running(room.uri, drone),
+            PoseBridge(room.uri, drone),
             PoseBridge(f"vicon://127.0.0.1:{silent.getsockname()[1]}?subject=cf1", drone),
         ]
         for bridge in bridges:
@@ -186,7 +181,7 @@ def test_stopping_ends_the_threads_while_running_and_connecting_and_leaves_a_stu
         for bridge in bridges:
             bridge.stop()
         until(lambda: not threads_of_bridges())
-        stuck = running(room.uri, drone)
+        stuck = PoseBridge(room.uri, drone)
         drone.gate.clear()
         drone.taking.clear()
         stuck.start()

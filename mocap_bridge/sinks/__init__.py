@@ -1,1 +1,0 @@
-"""Where poses go: one module per receiver, each with ``send_pose``."""
