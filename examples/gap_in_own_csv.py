@@ -16,7 +16,7 @@ import numpy as np
 import perchhw
 from calibration.flights import FORMATS, Flight, PoseSource
 from calibration.flights.flight import finite_masks
-from calibration.flights.formats import FlightFormat
+from calibration.flights.flight_format import FlightFormat
 from calibration.gap.suggest.simulate import fly_course
 from onboard.manoeuvres import manoeuvre
 from onboard.room import RoomGeometry
@@ -56,7 +56,7 @@ def simulate(folder: Path) -> None:
 
 
 vehicle = perchhw.load_vehicle("crazyflie21-stock")
-FORMATS["mine"] = FlightFormat("mine", lambda path: path.suffix == ".csv", load)
+FORMATS["mine"] = FlightFormat(lambda path: path.suffix == ".csv", load)
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(tempfile.mkdtemp())
 if len(sys.argv) == 1:
     simulate(folder)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -10,6 +9,7 @@ from mocap_bridge.errors import MocapUriError
 from mocap_bridge.source_bug import blamed_on_the_source
 from mocap_bridge.uri import SCHEMES, MocapUri, parse_mocap_uri, scheme_of
 from onboard.arrays import Quaternion, Vector
+from onboard.by_name import imported
 from onboard.timebase import WALL, Timebase
 
 
@@ -106,6 +106,5 @@ def open_pose_stream(uri: str | MocapUri, clock: Timebase = WALL) -> PoseStream:
     scheme = scheme_of(parsed.scheme)
     if scheme is None:
         raise MocapUriError(f"no source for scheme {parsed.scheme!r}; known: {', '.join(SCHEMES)}")
-    module, _, function = scheme.opener.rpartition(".")
-    opener: Callable[[MocapUri, Timebase], PoseStream] = getattr(import_module(module), function)
+    opener: Callable[[MocapUri, Timebase], PoseStream] = imported(scheme.opener)
     return opener(parsed, clock)

@@ -119,6 +119,17 @@ class MocapUri:
         return f"{self.scheme}://{host}:{self.port}?subject={quote(self.subject)}{further}"
 
 
+def address_forms() -> tuple[str, ...]:
+    """How addresses of :data:`SCHEMES` are written, for help; kinds that differ behind a plus are one."""
+    forms = []
+    for name, scheme in SCHEMES.items():
+        family, plus, _ = name.partition("+")
+        where = "PATH" if scheme.is_file else "HOST[:PORT]" if scheme.needs_host else "[ADDRESS][:PORT]"
+        subject = "?subject=NAME" if scheme.subject is None else ""
+        forms.append(f"{family}{'+TYPE' if plus else ''}://{where}{subject}")
+    return tuple(dict.fromkeys(forms))
+
+
 def scheme_of(name: str) -> MocapScheme | None:
     """The kind of address with this scheme, ours or that of an installed package; None: nobody's.
 

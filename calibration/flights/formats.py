@@ -1,30 +1,15 @@
-"""Open flight files of any known format.
+"""Open flight files of any known format."""
 
-A format is one entry in :data:`FORMATS`: how to tell it and how to load it.
-"""
-
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from calibration.flight_formats import FLIGHT_FORMATS
 from calibration.flights.flight import Flight, FlightFileError, UnusableFlightError
-from calibration.flights.habas import is_habas, load_habas
-from calibration.flights.nanobench import is_nanobench, load_nanobench
-from calibration.flights.perchhw_run import load_run
-from calibration.flights.table import is_table, load_table
-from calibration.flights.usd import is_usd, load_usd
+from calibration.flights.flight_format import FlightFormat
+from onboard.by_name import imported
 from onboard.csv_file import read_header
 from onboard.errors import InputError
-from onboard.record.run_record import is_run_folder
-
-
-@dataclass(frozen=True)
-class FlightFormat:
-    """One format of flight files."""
-
-    name: str
-    detects: Callable[[Path], bool]
-    load: Callable[[Path], Flight]
 
 
 @dataclass(frozen=True)
@@ -35,20 +20,7 @@ class UnusableFlight:
     reason: str
 
 
-def _csv_with(test: Callable[[tuple[str, ...]], bool]) -> Callable[[Path], bool]:
-    return lambda path: path.is_file() and test(read_header(path))
-
-
-FORMATS: dict[str, FlightFormat] = {
-    f.name: f
-    for f in (
-        FlightFormat("perchhw", is_run_folder, load_run),
-        FlightFormat("habas", _csv_with(is_habas), load_habas),
-        FlightFormat("table", _csv_with(is_table), load_table),
-        FlightFormat("nanobench", _csv_with(is_nanobench), load_nanobench),
-        FlightFormat("usd", is_usd, load_usd),
-    )
-}
+FORMATS: dict[str, FlightFormat] = {name: imported(place) for name, place in FLIGHT_FORMATS.items()}
 """Known formats by name, in the order in which they are tried."""
 
 

@@ -34,6 +34,7 @@ from calibration.flights.flight import (
     UnusableFlightError,
     finite_masks,
 )
+from calibration.flights.flight_format import FlightFormat, csv_with
 from onboard.arrays import BoolArray, FloatArray
 from onboard.csv_file import CsvFile, CsvRow, read_csv
 from onboard.gravity import GRAM_FORCE
@@ -107,6 +108,9 @@ def load_habas(path: Path) -> Flight:
         session=_day(path),
         notes=tuple(log.notes),
     )
+
+
+FORMAT = FlightFormat(csv_with(is_habas), load_habas)
 
 
 @dataclass

@@ -24,6 +24,7 @@ from calibration.flights.flight import (
     UnusableFlightError,
     finite_masks,
 )
+from calibration.flights.flight_format import FlightFormat, csv_with
 from onboard.csv_file import CsvFile, read_csv
 from onboard.gravity import GRAVITY
 
@@ -57,6 +58,9 @@ def load_nanobench(path: Path) -> Flight:
         UnusableFlightError: fewer than two rows.
     """
     return read_csv(path, FlightFileError, may_be_torn=True).read_as(_flight)
+
+
+FORMAT = FlightFormat(csv_with(is_nanobench), load_nanobench)
 
 
 def _flight(file: CsvFile) -> Flight:

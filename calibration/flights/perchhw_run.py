@@ -17,9 +17,10 @@ from calibration.flights.flight import (
     UnusableFlightError,
     finite_masks,
 )
+from calibration.flights.flight_format import FlightFormat
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
-from onboard.record.run_record import RunRecord, Series
+from onboard.record.run_record import RunRecord, Series, is_run_folder
 
 _TOPIC_CHANNELS: dict[str, dict[str, str]] = {
     "pose": {name: name for name in POSE_CHANNELS},
@@ -59,6 +60,9 @@ def load_run(path: Path) -> Flight:
     if run.cut_off:
         raise UnusableFlightError(path, "; ".join(run.torn))
     return flight_from_run(run)
+
+
+FORMAT = FlightFormat(is_run_folder, load_run)
 
 
 def flight_from_run(run: RunRecord) -> Flight:

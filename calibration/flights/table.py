@@ -19,6 +19,7 @@ from calibration.flights.flight import (
     UnusableFlightError,
     finite_masks,
 )
+from calibration.flights.flight_format import FlightFormat, csv_with
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
 from onboard.csv_file import CsvFile, read_csv
@@ -44,6 +45,9 @@ def load_table(path: Path) -> Flight:
         UnusableFlightError: fewer than two rows.
     """
     return read_csv(path, FlightFileError, may_be_torn=True).read_as(_flight)
+
+
+FORMAT = FlightFormat(csv_with(is_table), load_table)
 
 
 def _flight(file: CsvFile) -> Flight:

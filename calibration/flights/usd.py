@@ -19,6 +19,7 @@ from calibration.flights.flight import (
     UnusableFlightError,
     finite_masks,
 )
+from calibration.flights.flight_format import FlightFormat
 from calibration.flights.usd_file import MAGIC, UsdEvents, UsdLog, read_usd
 from onboard.arrays import BoolArray, FloatArray
 from onboard.gravity import GRAVITY
@@ -81,6 +82,9 @@ def load_usd(path: Path) -> Flight:
         finished=log.closed,
         notes=() if log.closed else (f"log was not stopped; {log.left_out} bytes at its end left out",),
     )
+
+
+FORMAT = FlightFormat(is_usd, load_usd)
 
 
 def _complete(log: UsdLog, names: Mapping[str, str]) -> bool:

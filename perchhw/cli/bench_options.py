@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from calibration.bench.instruments.schemes import MANUAL, SCALES, SUPPLIES, in_words
 from onboard.errors import EndedByOperator
 from perchhw.cli.output import emit
 from perchhw.consoles import progress_console, say
@@ -23,16 +24,15 @@ Supply = Annotated[
     str | None,
     typer.Option(
         "--supply",
-        help="What feeds the drone: scpi:///dev/ttyUSB0 (or just the port), korad:///dev/ttyACM0, or "
-        "manual:// for one that you set by hand.",
+        help=f"What feeds the drone: {in_words(SUPPLIES.values())}, or {MANUAL}:// for one that you set by "
+        "hand.",
     ),
 ]
 Scale = Annotated[
     str | None,
     typer.Option(
         "--scale",
-        help="loadcell:///dev/ttyACM0 (or just the port), mtsics:///dev/ttyUSB0 for a balance, or manual:// "
-        "for one that you read and type.",
+        help=f"{in_words(SCALES.values())}, or {MANUAL}:// for one that you read and type.",
     ),
 ]
 NoRemoteCut = Annotated[

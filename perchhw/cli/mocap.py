@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mocap_bridge.uri import LOOPBACK, address_forms, parse_mocap_uri
 from perchhw.cli.environment import MOCAP_VARIABLE
 from perchhw.cli.lab_options import LabDrone
 from perchhw.cli.mocap_calibrate import calibrate
 from perchhw.cli.mocap_send import send
-from perchhw.cli.options import Lab
+from perchhw.cli.options import Lab, any_of
 from perchhw.cli.output import emit, written
 from perchhw.consoles import console, progress_console, say
 
@@ -38,9 +39,7 @@ def watch(
         str | None,
         typer.Argument(
             envvar=MOCAP_VARIABLE,
-            help="vicon://HOST[:PORT]?subject=NAME, vicon-udp://[ADDRESS]:PORT?subject=NAME, "
-            "mavlink://[ADDRESS]:PORT, file://RUN or motioncapture+TYPE://HOST?subject=NAME. "
-            "Default: that of the lab file.",
+            help=f"{any_of(address_forms())}. Default: that of the lab file.",
         ),
     ] = None,
     lab: Lab = None,
@@ -136,7 +135,6 @@ def summary(uri: str, seconds: float, status: "BridgeStatus", ages: list[float])
 
 def _may_be_a_lab_that_waits(uri: str) -> bool:
     """Whether a simulated lab on this computer may be meant, by an address that does not name its clock."""
-    from mocap_bridge.uri import LOOPBACK, parse_mocap_uri
     from onboard.lab_time import time_address
 
     address = parse_mocap_uri(uri)

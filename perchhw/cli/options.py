@@ -1,11 +1,19 @@
 """Options that several verbs share, so that they read the same everywhere."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from calibration.flight_formats import FLIGHT_FORMATS
 from perchhw.cli.environment import DRONE_VARIABLE, LAB_VARIABLE
+
+
+def any_of(words: Sequence[str]) -> str:
+    """``a, b or c``, for the help of an option."""
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
 
 DroneUri = Annotated[
     str, typer.Option(envvar=DRONE_VARIABLE, help="URI of the drone: udp://HOST:PORT, radio://..., usb://...")
@@ -39,4 +47,4 @@ AcceptMismatch = Annotated[
         help="Fly also what does not belong together (policy, vehicle, ceiling, drone); the record says so.",
     ),
 ]
-FlightFormat = Annotated[str, typer.Option("--format", help="auto, perchhw, habas, table, nanobench or usd.")]
+FlightFormat = Annotated[str, typer.Option("--format", help=f"{any_of(('auto', *FLIGHT_FORMATS))}.")]

@@ -17,12 +17,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.bench.instruments import addresses
+from calibration import flight_formats
+from calibration.bench.instruments import addresses, schemes
 from calibration.bench.instruments.errors import InstrumentInputError
-from calibration.flights import FORMATS, formats, open_flight
+from calibration.flights import FORMATS, open_flight
 from mocap_bridge.errors import MocapUriError, PoseTimeout, SourceLost
 from mocap_bridge.pose import open_pose_stream
 from mocap_bridge.uri import SCHEMES, parse_mocap_uri
+from onboard.by_name import imported
 from onboard.manoeuvres import library as manoeuvres
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
@@ -230,8 +232,9 @@ def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:
 
     threading.Thread(target=answer, daemon=True).start()
     module = module_of(code, "printing_scale")
-    schemes = addresses.SCALES | row_of(row, addresses, PrintingScale=module.PrintingScale)
-    monkeypatch.setattr(addresses, "SCALES", schemes)
+    scheme = row_of(row, schemes)
+    monkeypatch.setitem(sys.modules, scheme.opener.rpartition(".")[0], module)
+    monkeypatch.setitem(schemes.SCALES, "printing", scheme)
     with addresses.ScaleAddress.of(f"printing://{os.ttyname(theirs)}").open(NOBODY) as scale:
         scale.begin()
         scale.look(0.1)
@@ -249,8 +252,9 @@ def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_flight_format(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     code, row = blocks("A flight format")
     module = module_of(code, "calibration.flights.my_lab")
-    known = row_of(row, formats, is_my_lab=module.is_my_lab, load_my_lab=module.load_my_lab)
-    monkeypatch.setitem(FORMATS, known.name, known)
+    ((name, place),) = row_of(row, flight_formats).items()
+    monkeypatch.setitem(sys.modules, place.rpartition(".")[0], module)
+    monkeypatch.setitem(FORMATS, name, imported(place))
     file = tmp_path / "flight.csv"
     file.write_text("time_ms,x_mm,y_mm,z_mm,q0,q1,q2,q3\n0,100,0,1500,1,0,0,0\n10,110,0,1500,1,0,0,0\n")
     flight = open_flight(file)

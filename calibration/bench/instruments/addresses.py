@@ -1,30 +1,21 @@
-"""Which scale or supply is opened by which URI. The tables here are all that knows the schemes.
+"""Which scale or supply is opened by which URI, such as ``mtsics:///dev/ttyUSB0?baud=9600``.
 
-``loadcell:///dev/ttyACM0``, ``mtsics:///dev/ttyUSB0?baud=9600``, ``scpi://...``, ``korad://...``, and
-``manual://`` for a person. A bare port, or ``serial://``, is a load cell or a SCPI supply.
+The schemes are those of :mod:`calibration.bench.instruments.schemes`, and ``manual://`` for a person. A bare
+port, or ``serial://``, is what comes first there.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Self
 
-from calibration.bench.instruments.balance import Balance
 from calibration.bench.instruments.errors import InstrumentInputError
 from calibration.bench.instruments.kept_supply import KeptSupply
-from calibration.bench.instruments.load_cell import LoadCell
 from calibration.bench.instruments.manual import ManualScale, ManualSupply, Person
 from calibration.bench.instruments.scale import Scale
-from calibration.bench.instruments.supply_keeper import KINDS
+from calibration.bench.instruments.schemes import MANUAL, SCALES, SUPPLIES, InstrumentScheme, in_words
+from onboard.by_name import imported
 
-MANUAL = "manual"
 AnySupply = KeptSupply | ManualSupply
-
-SCALES: Mapping[str, Callable[[str], Scale]] = {"loadcell": LoadCell, "mtsics": Balance}
-"""Scales with a port, by scheme; the first is what a bare port means."""
-
-SUPPLIES: Mapping[str, Callable[[str], KeptSupply]] = {kind: partial(KeptSupply, kind=kind) for kind in KINDS}
-"""Supplies with a port, each in a keeper's hands; the first is what a bare port means."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +23,7 @@ class InstrumentAddress:
     """Where an instrument is.
 
     Attributes:
-        scheme: of the tables, or :data:`MANUAL`.
+        scheme: of a table, or :data:`MANUAL`.
         port: ``serial:///dev/...?baud=N`` or a device path; empty for a person.
     """
 
@@ -40,7 +31,7 @@ class InstrumentAddress:
     port: str
 
     @classmethod
-    def parse(cls, uri: str, schemes: Collection[str], what: str) -> Self:
+    def parse(cls, uri: str, schemes: Mapping[str, InstrumentScheme], what: str) -> Self:
         """The address that `uri` writes.
 
         Args:
@@ -58,10 +49,9 @@ class InstrumentAddress:
         if scheme == MANUAL and not port:
             return cls(scheme, "")
         if scheme not in schemes:
-            known = ", ".join(f"{one}:///dev/ttyUSB0" for one in schemes)
             raise InstrumentInputError(
-                f"{uri!r} is no {what}: write {known}, {MANUAL}:// for a person who reads and types, or just "
-                f"the port ({default})"
+                f"{uri!r} is no {what}: write {in_words(schemes.values())}, or {MANUAL}:// for a person who "
+                "reads and types"
             )
         return cls(scheme, f"serial://{port}")
 
@@ -77,7 +67,10 @@ class ScaleAddress(InstrumentAddress):
 
     def open(self, person: Person) -> Scale:
         """The open scale, a context manager; errors as its class raises them."""
-        return ManualScale(person) if self.scheme == MANUAL else SCALES[self.scheme](self.port)
+        if self.scheme == MANUAL:
+            return ManualScale(person)
+        opener: Callable[[str], Scale] = imported(SCALES[self.scheme].opener)
+        return opener(self.port)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,4 +89,4 @@ class SupplyAddress(InstrumentAddress):
 
     def open(self, person: Person) -> AnySupply:
         """The open supply, a context manager; errors as its class raises them."""
-        return ManualSupply(person) if self.scheme == MANUAL else SUPPLIES[self.scheme](self.port)
+        return ManualSupply(person) if self.scheme == MANUAL else KeptSupply(self.port, self.scheme)

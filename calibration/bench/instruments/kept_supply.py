@@ -45,7 +45,7 @@ class KeptSupply(OffWhenClosed):
 
         Args:
             address: as :meth:`~calibration.bench.instruments.transport.Address.parse` reads it.
-            kind: ``scpi`` or ``korad``.
+            kind: scheme of :data:`~calibration.bench.instruments.schemes.SUPPLIES`.
 
         Raises:
             InstrumentInputError, InstrumentNotFound, InstrumentTimeout, WrongBaudRate, WrongDevice: of the

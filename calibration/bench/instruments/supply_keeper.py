@@ -28,12 +28,14 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple
 from typing import Any
 
 from calibration.bench.instruments.errors import InstrumentError, InstrumentRefused
-from calibration.bench.instruments.supply import KoradSupply, ScpiSupply, SerialSupply
+from calibration.bench.instruments.schemes import SUPPLIES
+from calibration.bench.instruments.supply import SerialSupply
+from onboard.by_name import imported
 from onboard.clock import monotonic
 
 #: A wizard whose heart does not beat for so long hangs [s].
@@ -42,7 +44,6 @@ HANG_S = 1.0
 CUT_WITHIN_S = 5.0
 _AGAIN_S = 0.1
 _RECEIVE_BYTES = 4096
-KINDS: Mapping[str, Callable[[str], SerialSupply]] = {"scpi": ScpiSupply, "korad": KoradSupply}
 
 Say = Callable[[str], None]
 
@@ -204,7 +205,7 @@ def main(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with _ended_by_sigterm() as told_to_end, socket.socket(fileno=int(descriptor)) as wizard:
         try:
-            supply = KINDS[kind](address)
+            supply: SerialSupply = imported(SUPPLIES[kind].opener)(address)
         except InstrumentError as error:
             told = {"id": 0, "error": str(error), "kind": type(error).__name__}
             wizard.sendall(json.dumps(told).encode() + b"\n")
