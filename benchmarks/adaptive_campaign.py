@@ -2,7 +2,7 @@
 
     python benchmarks/adaptive_campaign.py [--maps 4] [--repeats 3] [--seed 0] [--simulated 4] [--sweeps DIR]
 
-Truth: maps of five shapes over 7 speeds and 6 angles (tests/campaign/drawn_maps.py), none of the
+Truth: maps of five shapes over 7 speeds and 6 angles (tests/truth/landing_rate_maps.py), none of the
 surrogate's family. Apart from these `--simulated` landing-rate maps of the shipped policy, each of a
 vehicle of its own that is drawn by the uncertainties of the vehicle file, half of them as real approaches
 scatter; and with `--sweeps` the best rates of the tables `*_LR_Trials*.csv` of the paper's authors there,
@@ -38,7 +38,7 @@ from perchhw.learning.results import read_reference
 from perchhw.learning.setup import MEASURED, LearningSetup, prepared
 from perchhw.learning.trial import new_bench
 from perchhw.learning.validate import new_trial, rates_row, try_policy
-from tests.campaign.drawn_maps import SHAPES, DrawnMap, KnownMap
+from tests.truth.landing_rate_maps import SHAPES, DrawnMap, KnownMap
 
 CONDITIONS = [(float(speed), float(angle)) for speed in np.linspace(2, 3, 7) for angle in range(30, 61, 6)]
 SHARE = 0.6

@@ -3,9 +3,9 @@
     python benchmarks/bifilar.py [--seeds 200] [--runs 500] [--seed 0] [--data FOLDER]
 
 `fits`: error of the inertia (twice that of the period at zero amplitude), per case, over `seeds` recordings
-of random hangs (``tests/bifilar/world.py``). `measurements`: whole ones, five trials each, with every input
-drawn from its stated distribution, with and without the air's share: error and coverage of the 95 % interval.
-`fuzzed`: damaged recordings. `logs`: the authors' logs, where the data are at hand.
+of random hangs (``tests/truth/bench/pendulum.py``). `measurements`: whole ones, five trials each, with every
+input drawn from its stated distribution, with and without the air's share: error and coverage of the 95 %
+interval. `fuzzed`: damaged recordings. `logs`: the authors' logs, where the data are at hand.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from calibration.bench.inertia.recordings import read_swing
 from calibration.bench.inertia.rig import Rig, measured
 from calibration.measurement import Estimate
 from tests.bifilar.damage import damaged
-from tests.bifilar.world import Hang, record
+from tests.truth.bench.pendulum import Hang, record
 
 LIMITS = {"jig": (0.1e-3, 0.5e-3, 0.02e-3), "ruler": (0.5e-3, 1e-3, 0.05e-3)}
 """Half widths of distance (m), length (m) and mass (kg) by kind of instrument."""

@@ -2,9 +2,10 @@
 
     python benchmarks/gap.py [--cases NAME ...] [--sizes weak medium strong] [--seeds 1 2 ...] [--jobs 2]
 
-Flights come from ``tests/gap/truth``, which shares no equation with the finder and seals the answer in a file
-of its own. Every run is ``find_gap`` as a user calls it, on flights read from files. One JSON document goes
-to stdout: each run, the confusion matrix of truths against first names, and figures of docs/gap_figures.md.
+Flights come from ``tests/truth/hidden_effects``, which shares no equation with the finder and seals the
+answer in a file of its own. Every run is ``find_gap`` as a user calls it, on flights read from files. One
+JSON document goes to stdout: each run, the confusion matrix of truths against first names, and figures of
+docs/gap_figures.md.
 """
 
 import argparse
@@ -45,7 +46,7 @@ def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
     from calibration.gap.data import prepare_flights
     from calibration.gap.find import GapQuestion, find_gap
     from onboard.vehicle import load_vehicle
-    from tests.gap.truth.campaign import make_flights
+    from tests.truth.hidden_effects.campaign import make_flights
 
     vehicle = load_vehicle(VEHICLE)
     with tempfile.TemporaryDirectory() as folder:

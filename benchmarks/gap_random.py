@@ -50,10 +50,10 @@ JUDGED = (
 
 
 def draw_house(seed: int, folder: Path) -> tuple[list[Path], Any, dict[str, Any], float | None]:
-    """A case of `tests/gap/truth`: a Crazyflie at 100 Hz, 6 to 20 flights of 35 s."""
+    """A case of `tests/truth/hidden_effects`: a Crazyflie at 100 Hz, 6 to 20 flights of 35 s."""
     from onboard.vehicle import load_vehicle
-    from tests.gap.truth.campaign import VEHICLE, make_flights
-    from tests.gap.truth.cases import SINGLE
+    from tests.truth.hidden_effects.campaign import VEHICLE, make_flights
+    from tests.truth.hidden_effects.cases import SINGLE
 
     rng = np.random.default_rng([seed, 31])
     kind = rng.random()

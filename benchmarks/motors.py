@@ -34,8 +34,8 @@ from calibration.bench.thrust.choose import choose, report_forms
 from calibration.bench.thrust.law import VEHICLE_FORMS
 from calibration.bench.thrust.raw_table import to_data
 from calibration.measurement import Estimate
-from tests.tachometer.rotor import Motor, Sensor, edges, staircase, turn, windows
-from tests.thrust_voltage.bench import GF, record, truth
+from tests.truth.bench.rotor import Motor, Sensor, edges, staircase, turn, windows
+from tests.truth.bench.thrust_stand import GF, record, truth
 
 STEPS = ((300.0, 2400.0), (1500.0, 2400.0), (0.0, 1500.0), (2000.0, 2200.0))
 """rad/s, up; down is the way back."""

@@ -9,7 +9,7 @@ import pytest
 
 from calibration.bench.inertia.recordings import write_swing
 from perchhw.cli.main import run
-from tests.bifilar.world import Hang, record
+from tests.truth.bench.pendulum import Hang, record
 
 RIG = ["--axis", "z", "--mass", "38.1 g", "--string-length", "600 mm", "--string-distance", "60 mm"]
 

@@ -8,7 +8,7 @@ import pytest
 from calibration.bench.inertia.errors import UnusableSwingError
 from calibration.bench.inertia.fit import fit_swing
 from tests.bifilar.damage import damaged
-from tests.bifilar.world import Hang, record
+from tests.truth.bench.pendulum import Hang, record
 
 
 @pytest.mark.parametrize("block", range(4))

@@ -9,7 +9,7 @@ from calibration.bench.inertia.inertia import inertia_about_axis
 from calibration.bench.inertia.rig import Rig, measured
 from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.report_style import svg
-from tests.bifilar.world import Hang, record
+from tests.truth.bench.pendulum import Hang, record
 
 
 @pytest.fixture(scope="module")

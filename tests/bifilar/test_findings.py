@@ -13,7 +13,7 @@ from calibration.bench.inertia.fit import fit_swing
 from calibration.bench.inertia.rest import check_rest
 from calibration.bench.inertia.swing import CLOCK_WRAP_S, Swing
 from calibration.measurement import Severity
-from tests.bifilar.world import Hang, record, true_rate
+from tests.truth.bench.pendulum import Hang, record, true_rate
 
 HANG = Hang(top=0.08, bottom=0.08)
 

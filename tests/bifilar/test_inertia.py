@@ -15,8 +15,8 @@ from calibration.bench.inertia.rig import Jig, Rig, check_rig, measured, unit_do
 from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import Estimate, combine
 from onboard.json_file import as_json
-from tests.bifilar.world import Hang, record
 from tests.tiers import some
+from tests.truth.bench.pendulum import Hang, record
 
 
 def exactly(value: float, unit: str) -> Estimate:

@@ -10,7 +10,7 @@ from calibration.bench.inertia.geometry import small_period
 from calibration.bench.inertia.rig import Rig
 from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import Estimate
-from tests.bifilar.world import Hang, record
+from tests.truth.bench.pendulum import Hang, record
 
 
 def rig(hang: Hang) -> Rig:

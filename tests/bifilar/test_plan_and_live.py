@@ -11,7 +11,7 @@ from calibration.bench.inertia.errors import RigError
 from calibration.bench.inertia.live import LiveState, LiveSwing, LiveView
 from calibration.bench.inertia.plan import FORBIDDEN_RATIOS, PERIODS, Instruments, plan_hang
 from calibration.bench.inertia.swing import CLOCK_WRAP_S, Swing
-from tests.bifilar.world import Hang, record
+from tests.truth.bench.pendulum import Hang, record
 
 
 @settings(max_examples=40)

@@ -13,7 +13,7 @@ from calibration.bench.inertia.fit import fit_swing
 from calibration.bench.inertia.recordings import OWN_HEADER, read_swing, write_swing
 from calibration.bench.inertia.swing import Swing
 from onboard.errors import InputError
-from tests.bifilar.world import Hang, record
+from tests.truth.bench.pendulum import Hang, record
 
 OWN = ",".join(OWN_HEADER)
 CLIENT = "gyro.x_x,gyro.x_y,gyro.y_x,gyro.y_y,gyro.z_x,gyro.z_y"

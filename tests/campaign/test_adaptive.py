@@ -11,8 +11,8 @@ from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignFileError, CampaignPlan, CampaignStore, load_plan, run_campaign
 from perchhw.campaign.adaptive import choose, flown_map
 from perchhw.campaign.rate_map import RateSurrogate
-from tests.campaign.drawn_maps import DrawnMap
 from tests.campaign.stand_in import fly
+from tests.truth.landing_rate_maps import DrawnMap
 
 CONDITIONS = [(float(speed), float(angle)) for speed in np.linspace(2, 3, 5) for angle in range(30, 61, 6)]
 FILE = """schema = "perchhw.campaign/1"

@@ -11,7 +11,7 @@ import pytest
 
 from onboard.vehicle import load_vehicle
 from perchhw.cli.main import run
-from tests.gap.truth.campaign import make_flights
+from tests.truth.hidden_effects.campaign import make_flights
 
 FLIGHTS = 3
 

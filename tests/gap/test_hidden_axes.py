@@ -13,12 +13,12 @@ from onboard.vehicle import load_vehicle
 from sim_backend.physics.jit import kernel
 from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.parameters import physics_parameters
-from tests.gap.truth_landings.contact import leg_pull
-from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.flight import numbers
-from tests.gap.truth_landings.judge import HINGES, VEHICLE, Judged, as_point, judge
 from tests.likely import assert_likely
 from tests.physics.effects.conftest import with_effects
+from tests.truth.landings.contact import leg_pull
+from tests.truth.landings.drone import Drone
+from tests.truth.landings.flight import numbers
+from tests.truth.landings.judge import HINGES, VEHICLE, Judged, as_point, judge
 
 PADS = dataclasses.replace(HINGES, capture=0.6)
 HIDDEN = (

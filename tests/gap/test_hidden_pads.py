@@ -12,11 +12,11 @@ from calibration.gap.landings.outcomes.scores import score
 from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point
 from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words, judge_outcomes
 from onboard.vehicle import load_vehicle
-from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.judge import HEALTHY, VEHICLE, Judged, drawn, judge, lines_of, main, summary
-from tests.gap.truth_landings.judge import HINGES as DAMPED
-from tests.gap.truth_landings.outcomes import attempts, land
 from tests.likely import assert_likely
+from tests.truth.landings.drone import Drone
+from tests.truth.landings.judge import HEALTHY, VEHICLE, Judged, drawn, judge, lines_of, main, summary
+from tests.truth.landings.judge import HINGES as DAMPED
+from tests.truth.landings.outcomes import attempts, land
 
 PADS = Drone(stiffness=DAMPED.stiffness, damping=DAMPED.damping, capture=0.9, capture_spread=0.2)
 

@@ -1,4 +1,4 @@
-"""Legs and feet, judged from landings that a program of its own has flown (tests/gap/truth_landings)."""
+"""Legs and feet, judged from landings that a program of its own has flown (tests/truth/landings)."""
 
 import dataclasses
 import json
@@ -25,9 +25,9 @@ from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.state import new_states
 from sim_backend.physics.step import step_thrust
-from tests.gap.truth_landings.campaign import CASES, write_campaign
-from tests.gap.truth_landings.flight import Attempt, Noise
-from tests.gap.truth_landings.flight import fly as fly_truth
+from tests.truth.landings.campaign import CASES, write_campaign
+from tests.truth.landings.flight import Attempt, Noise
+from tests.truth.landings.flight import fly as fly_truth
 
 COUNT = 6
 """Landings of a campaign here; docs/gap_landings.md has the figures of twelve and twenty."""

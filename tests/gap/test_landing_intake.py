@@ -21,10 +21,10 @@ from calibration.gap.landings.outcomes.vehicles import WITHOUT, bare_parameters,
 from onboard.outcome import Outcome
 from onboard.vehicle import load_vehicle
 from perchhw.cli.main import run
-from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.judge import VEHICLE
-from tests.gap.truth_landings.outcomes import write_outcomes
 from tests.patience import PATIENCE_S, until
+from tests.truth.landings.drone import Drone
+from tests.truth.landings.judge import VEHICLE
+from tests.truth.landings.outcomes import write_outcomes
 
 
 @pytest.fixture(scope="module")

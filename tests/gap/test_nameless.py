@@ -28,12 +28,12 @@ from onboard.vehicle.file_format import parse_vehicle
 from onboard.vehicle.unnamed import MOST_CURVES, REGRESSORS, UnnamedCurve
 from perchhw.cli.main import run
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
-from tests.gap.truth.campaign import make_flights
-from tests.gap.truth.cases import hide
-from tests.gap.truth.flight import hidden_flight
-from tests.gap.truth.layout import nominal
-from tests.gap.truth.log_file import write_log
-from tests.gap.truth.shapes import campaign
+from tests.truth.hidden_effects.campaign import make_flights
+from tests.truth.hidden_effects.cases import hide
+from tests.truth.hidden_effects.flight import hidden_flight
+from tests.truth.hidden_effects.layout import nominal
+from tests.truth.hidden_effects.log_file import write_log
+from tests.truth.hidden_effects.shapes import campaign
 
 STOCK = load_vehicle("crazyflie21-stock")
 MODEL = Model(STOCK)

@@ -8,7 +8,7 @@ import pytest
 from calibration.flights import Flight, open_flights
 from calibration.gap.data import prepare_flights
 from calibration.gap.data.names import distinctly_named
-from tests.gap.truth.campaign import make_flights
+from tests.truth.hidden_effects.campaign import make_flights
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from calibration.gap.landings.outcomes.predict import forecast
 from calibration.gap.landings.outcomes.tables import tabulate
 from calibration.gap.landings.outcomes.vehicles import WITHOUT, Point, bare_parameters, shapes, with_point
 from onboard.vehicle import load_vehicle
-from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.judge import VEHICLE
-from tests.gap.truth_landings.outcomes import write_outcomes
+from tests.truth.landings.drone import Drone
+from tests.truth.landings.judge import VEHICLE
+from tests.truth.landings.outcomes import write_outcomes
 
 BARE = bare_parameters(load_vehicle(VEHICLE))
 SOFT = Point(stiffness=1.6, damping=8.0)

@@ -17,8 +17,8 @@ from calibration.gap.replay.teacher_forcing import teacher_forced
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from sim_backend.physics.parameters import physics_parameters
-from tests.gap.truth.campaign import make_flights
 from tests.truth import tunnel
+from tests.truth.hidden_effects.campaign import make_flights
 
 SEED = 4
 STOCK = load_vehicle("crazyflie21-stock")

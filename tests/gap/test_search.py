@@ -18,7 +18,7 @@ from calibration.gap.search.forward import Search, search
 from calibration.gap.search.naming import Named, name_effects
 from calibration.gap.search.selection import SearchContext
 from onboard.vehicle import load_vehicle
-from tests.gap.truth.campaign import make_flights
+from tests.truth.hidden_effects.campaign import make_flights
 
 FLIGHTS = 8
 

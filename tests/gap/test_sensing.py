@@ -2,7 +2,7 @@
 
 The flights here are kinematics: smooth motions whose derivatives are known, seen by sensors with noise. Where
 they come from does not matter to this stage, which has no model of a vehicle. The flights of
-``tests/gap/truth`` come on top.
+``tests/truth/hidden_effects`` come on top.
 """
 
 import itertools
@@ -23,7 +23,7 @@ from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensin
 from calibration.gap.sensors.first_path import first_path
 from calibration.gap.sensors.pooling import pool
 from onboard.arrays import FloatArray
-from tests.gap.truth import make_flights
+from tests.truth.hidden_effects import make_flights
 
 FINE = 1e-3
 GRAVITY = np.array([0.0, 0.0, 9.81])

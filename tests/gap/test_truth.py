@@ -16,12 +16,12 @@ from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.reset import charged
 from sim_backend.physics.state import new_state
 from sim_backend.physics.step import step
-from tests.gap.truth.body import derivative, runge_kutta
-from tests.gap.truth.cases import hide
-from tests.gap.truth.effects import apply, draw
-from tests.gap.truth.flight import hidden_flight
-from tests.gap.truth.layout import GRAVITY, MOTORS, STATES, nominal
-from tests.gap.truth.rotors import settled_thrusts, terminal_voltage
+from tests.truth.hidden_effects.body import derivative, runge_kutta
+from tests.truth.hidden_effects.cases import hide
+from tests.truth.hidden_effects.effects import apply, draw
+from tests.truth.hidden_effects.flight import hidden_flight
+from tests.truth.hidden_effects.layout import GRAVITY, MOTORS, STATES, nominal
+from tests.truth.hidden_effects.rotors import settled_thrusts, terminal_voltage
 
 VEHICLE = "crazyflie21-stock"
 WEIGHT = 0.030 * GRAVITY

@@ -14,15 +14,15 @@ from scipy.spatial.transform import Rotation
 
 from calibration.flights import open_flight
 from onboard.vehicle.effects import EFFECTS
-from tests.gap import truth
-from tests.gap.truth import CASES, SIZES, make_flights
-from tests.gap.truth.cases import AGILE, SINGLE, Hidden, hide
-from tests.gap.truth.effects import EFFECT_NAMES, apply, draw
-from tests.gap.truth.flight import HiddenFlight, hidden_flight
-from tests.gap.truth.layout import GRAVITY, MOTORS, nominal
-from tests.gap.truth.rotors import settled_thrusts, terminal_voltage
-from tests.gap.truth.shapes import SHAPES, campaign
 from tests.tiers import some
+from tests.truth import hidden_effects
+from tests.truth.hidden_effects import CASES, SIZES, make_flights
+from tests.truth.hidden_effects.cases import AGILE, SINGLE, Hidden, hide
+from tests.truth.hidden_effects.effects import EFFECT_NAMES, apply, draw
+from tests.truth.hidden_effects.flight import HiddenFlight, hidden_flight
+from tests.truth.hidden_effects.layout import GRAVITY, MOTORS, nominal
+from tests.truth.hidden_effects.rotors import settled_thrusts, terminal_voltage
+from tests.truth.hidden_effects.shapes import SHAPES, campaign
 
 MASS, INERTIA = 0.030, np.array([12.19e-6, 14.55e-6, 23.55e-6])
 ALOFT = slice(2500, 14700)
@@ -303,7 +303,7 @@ def test_the_second_tier_is_damaged_as_told(tmp_path: Path, vehicle: np.ndarray)
 
 
 def test_the_program_shares_no_code_with_what_it_judges() -> None:
-    for path in Path(truth.__file__).parent.glob("*.py"):
+    for path in Path(hidden_effects.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
@@ -317,7 +317,7 @@ def test_the_command_writes_a_campaign(tmp_path: Path, monkeypatch: pytest.Monke
     given = ["--case", "none", "--flights", "1", "--seed", "4"]
     where = ["--out", str(tmp_path / "f"), "--answer", str(tmp_path / "a.json")]
     monkeypatch.setattr(sys, "argv", ["truth", *given, *where])
-    runpy.run_module("tests.gap.truth", run_name="__main__")
+    runpy.run_module("tests.truth.hidden_effects", run_name="__main__")
     assert json.loads((tmp_path / "a.json").read_text())["verdict"] == "no_gap"
     assert len(list((tmp_path / "f").iterdir())) == 1
 

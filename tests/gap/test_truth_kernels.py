@@ -8,10 +8,10 @@ from types import ModuleType
 
 import pytest
 
-from tests import truth as programs
-from tests.gap import truth, truth_landings
+from tests import truth
+from tests.truth import hidden_effects, landings
 
-WORLDS, NAMES = [truth, truth_landings, programs], ["flights", "landings", "programs"]
+WORLDS, NAMES = [hidden_effects, landings, truth], ["flights", "landings", "programs"]
 
 CALLED = "from {name}.jit import jitted\n\n@jitted\ndef called(x):\n    return x + {added}\n"
 CALLER = (

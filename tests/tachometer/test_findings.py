@@ -17,7 +17,7 @@ from calibration.bench.motors.steps import find_steps
 from calibration.bench.procedures.motors import MotorPlan
 from calibration.measurement import Severity
 from onboard.vehicle import load_vehicle
-from tests.tachometer.rotor import Motor, Run, Sensor, edges, turn
+from tests.truth.bench.rotor import Motor, Run, Sensor, edges, turn
 
 PROPELLER = propeller("bitcraze-2015")
 

@@ -12,7 +12,7 @@ from calibration.bench.motors.settling import first_order_constant, time_to_shar
 from calibration.bench.motors.tachometer_result import TachometerResult
 from calibration.measurement import Estimate
 from onboard.json_file import as_json
-from tests.tachometer.rotor import Motor, Run, Sensor, edges, staircase, turn, windows
+from tests.truth.bench.rotor import Motor, Run, Sensor, edges, staircase, turn, windows
 
 HOVER = 0.0934
 PROPELLER = propeller("bitcraze-2015")

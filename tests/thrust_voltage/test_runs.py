@@ -24,8 +24,8 @@ from calibration.measurement import Severity
 from onboard.battery import duty_for_thrust
 from onboard.json_file import as_json
 from onboard.thrust_map import ThrustMap
-from tests.thrust_voltage.bench import CUBICS, GF, record, truth
 from tests.tiers import some
+from tests.truth.bench.thrust_stand import CUBICS, GF, record, truth
 
 
 def table(seed: int = 0, **changes: object) -> RawTable:

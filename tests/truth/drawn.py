@@ -1,6 +1,6 @@
 """Sets of flights in the MuJoCo room, everything about them drawn at random: lab, vehicle, what is hidden.
 
-An answer has the shape of `tests.gap.truth`'s: `verdict`, `effects` (name, parameters in SI), `unlisted`.
+An answer has the shape of `hidden_effects`'s: `verdict`, `effects` (name, parameters in SI), `unlisted`.
 """
 
 import math

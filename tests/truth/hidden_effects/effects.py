@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from tests.gap.truth.layout import CONTROL_PERIOD, SUBSTEPS
+from tests.truth.hidden_effects.layout import CONTROL_PERIOD, SUBSTEPS
 
 Values = Mapping[str, float]
 SIZES = ("weak", "medium", "strong")

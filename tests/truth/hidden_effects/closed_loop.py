@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from tests.gap.truth.body import derivative, runge_kutta
-from tests.gap.truth.controller import control, estimate
-from tests.gap.truth.jit import Array, jitted
-from tests.gap.truth.layout import CONTROL_PERIOD, FULL, STATES, SUBSTEPS, TICKS_PER_SAMPLE
-from tests.gap.truth.rotors import terminal_voltage
-from tests.gap.truth.sensors import blur, inertial, seen_pose
+from tests.truth.hidden_effects.body import derivative, runge_kutta
+from tests.truth.hidden_effects.controller import control, estimate
+from tests.truth.hidden_effects.jit import Array, jitted
+from tests.truth.hidden_effects.layout import CONTROL_PERIOD, FULL, STATES, SUBSTEPS, TICKS_PER_SAMPLE
+from tests.truth.hidden_effects.rotors import terminal_voltage
+from tests.truth.hidden_effects.sensors import blur, inertial, seen_pose
 
 
 @jitted

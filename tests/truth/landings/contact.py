@@ -7,7 +7,7 @@ explicit and in world coordinates.
 
 import numpy as np
 
-from tests.gap.truth_landings.jit import jitted
+from tests.truth.landings.jit import jitted
 
 FREE, PRESSED, HELD, TORN, REFUSED = 0, 1, 2, 3, 4
 CLEAR = 5e-4  # m, after which a torn foot may touch again

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.gap.truth.jit import Array, jitted
-from tests.gap.truth.rotation import rotation, sum3, turn
+from tests.truth.hidden_effects.jit import Array, jitted
+from tests.truth.hidden_effects.rotation import rotation, sum3, turn
 
 
 @jitted

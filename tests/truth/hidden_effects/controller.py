@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from tests.gap.truth.jit import Array, jitted
-from tests.gap.truth.layout import CONTROL_PERIOD, FULL, GRAVITY, Setpoint
-from tests.gap.truth.rotation import attitude_error, rotation, sum3, turn, wrap
-from tests.gap.truth.rotors import voltage_for
+from tests.truth.hidden_effects.jit import Array, jitted
+from tests.truth.hidden_effects.layout import CONTROL_PERIOD, FULL, GRAVITY, Setpoint
+from tests.truth.hidden_effects.rotation import attitude_error, rotation, sum3, turn, wrap
+from tests.truth.hidden_effects.rotors import voltage_for
 
 FASTEST = 1.2
 """m/s, at which the drone closes a gap to its set-point."""

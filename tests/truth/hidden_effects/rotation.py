@@ -2,7 +2,7 @@
 
 import math
 
-from tests.gap.truth.jit import Array, jitted
+from tests.truth.hidden_effects.jit import Array, jitted
 
 
 @jitted

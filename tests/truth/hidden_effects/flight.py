@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from tests.gap.truth.closed_loop import fly
-from tests.gap.truth.layout import CONTROL_PERIOD, GRAVITY, STATES, TICKS_PER_SAMPLE
-from tests.gap.truth.shapes import setpoints
+from tests.truth.hidden_effects.closed_loop import fly
+from tests.truth.hidden_effects.layout import CONTROL_PERIOD, GRAVITY, STATES, TICKS_PER_SAMPLE
+from tests.truth.hidden_effects.shapes import setpoints
 
 TORQUE_SD = (2.2, 2.2, 0.7)
 """rad/s2, of the quick torque disturbance about each axis."""

@@ -3,12 +3,12 @@
 import json
 from pathlib import Path
 
-from tests.gap.truth.cases import hide
-from tests.gap.truth.defects import with_defects
-from tests.gap.truth.flight import hidden_flight
-from tests.gap.truth.layout import nominal
-from tests.gap.truth.log_file import write_log
-from tests.gap.truth.shapes import campaign
+from tests.truth.hidden_effects.cases import hide
+from tests.truth.hidden_effects.defects import with_defects
+from tests.truth.hidden_effects.flight import hidden_flight
+from tests.truth.hidden_effects.layout import nominal
+from tests.truth.hidden_effects.log_file import write_log
+from tests.truth.hidden_effects.shapes import campaign
 
 VEHICLE = "crazyflie21-stock"
 

@@ -150,7 +150,7 @@ def _fill_power(p: np.ndarray, vehicle: Vehicle) -> None:
 
 def _fill_controller(p: np.ndarray) -> None:
     """What the drone believes about itself: the file's numbers."""
-    from tests.gap.truth.rotors import thrust_of
+    from tests.truth.hidden_effects.rotors import thrust_of
 
     p["filed_mass"], p["filed_inertia"] = p["mass"], p["inertia"]
     p["filed_arm"] = (p["hub"][3, 0], p["hub"][3, 1])

@@ -8,8 +8,8 @@ as in a vehicle file), `acceptable_ambiguous` (names that may stand beside it) a
 parameters share their work; `unlisted` (channel, regressor, range or frequency) for what no name fits.
 """
 
-from tests.gap.truth.campaign import make_flights
-from tests.gap.truth.cases import CASES
-from tests.gap.truth.effects import SIZES
+from tests.truth.hidden_effects.campaign import make_flights
+from tests.truth.hidden_effects.cases import CASES
+from tests.truth.hidden_effects.effects import SIZES
 
 __all__ = ["CASES", "SIZES", "make_flights"]

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.gap.truth.jit import Array, jitted
-from tests.gap.truth.layout import AIR_DENSITY, FULL, MAP_CUBIC, MAP_QUADRATIC
+from tests.truth.hidden_effects.jit import Array, jitted
+from tests.truth.hidden_effects.layout import AIR_DENSITY, FULL, MAP_CUBIC, MAP_QUADRATIC
 
 MOST_GROUND_GAIN = 2.0
 

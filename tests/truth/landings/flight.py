@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.gap.truth_landings import contact
-from tests.gap.truth_landings.drone import Drone, newton, volts
-from tests.gap.truth_landings.jit import jitted
+from tests.truth.landings import contact
+from tests.truth.landings.drone import Drone, newton, volts
+from tests.truth.landings.jit import jitted
 
 H = 5e-5  # s
 LOG_STEPS = 100  # 200 Hz

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.flight import COLUMNS, Attempt, Noise, fly
+from tests.truth.landings.drone import Drone
+from tests.truth.landings.flight import COLUMNS, Attempt, Noise, fly
 
 DECIMALS = {"t": 4, **dict.fromkeys("xyz", 5), **{f"q{a}": 6 for a in "xyzw"}, **{f"g{a}": 4 for a in "xyz"}}
 

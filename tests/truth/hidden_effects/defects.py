@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from tests.gap.truth.flight import HiddenFlight
-from tests.gap.truth.layout import CONTROL_PERIOD
-from tests.gap.truth.log_file import SAMPLE_PERIOD
-from tests.gap.truth.sensors import blur, seen_pose
+from tests.truth.hidden_effects.flight import HiddenFlight
+from tests.truth.hidden_effects.layout import CONTROL_PERIOD
+from tests.truth.hidden_effects.log_file import SAMPLE_PERIOD
+from tests.truth.hidden_effects.sensors import blur, seen_pose
 
 LAG_SD, WANDER_SD, WANDER_TIME = 0.020, (0.010, 0.015), 5.0
 """s: the motion capture's clock against the drone's, per flight and within one."""

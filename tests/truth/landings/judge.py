@@ -1,6 +1,6 @@
 """Judge hidden pads by `gap landings --search`: names, values, false claims. One line of JSON each.
 
-python -m tests.gap.truth_landings.judge --seeds 8 --pads 3 --table FILE
+python -m tests.truth.landings.judge --seeds 8 --pads 3 --table FILE
 
 The last line counts all that the table has; the next run goes on with it.
 
@@ -29,8 +29,8 @@ from calibration.measurement import wilson_interval
 from onboard.arrays import FloatArray
 from onboard.outcome import Outcome
 from onboard.vehicle import load_vehicle
-from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.outcomes import write_outcomes
+from tests.truth.landings.drone import Drone
+from tests.truth.landings.outcomes import write_outcomes
 
 VEHICLE = "crazyflie21-upgraded-stored"
 HEALTHY = Drone()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.gap.truth.layout import CONTROL_PERIOD, TICKS_PER_SAMPLE
+from tests.truth.hidden_effects.layout import CONTROL_PERIOD, TICKS_PER_SAMPLE
 
 HEADER = "t,x,y,z,qx,qy,qz,qw,gx,gy,gz,ax,ay,az,m1,m2,m3,m4,vbat"
 SAMPLE_PERIOD = CONTROL_PERIOD * TICKS_PER_SAMPLE

@@ -1,16 +1,16 @@
-"""``python -m tests.gap.truth --case rotor_drag --size medium --seed 1 --out DIR --answer FILE``."""
+"""``python -m tests.truth.hidden_effects --case rotor_drag --size weak --seed 1 --out DIR --answer FILE``."""
 
 import argparse
 from pathlib import Path
 
-from tests.gap.truth.campaign import VEHICLE, make_flights
-from tests.gap.truth.cases import CASES
-from tests.gap.truth.effects import SIZES
+from tests.truth.hidden_effects.campaign import VEHICLE, make_flights
+from tests.truth.hidden_effects.cases import CASES
+from tests.truth.hidden_effects.effects import SIZES
 
 
 def main() -> None:
     """Write one campaign."""
-    parser = argparse.ArgumentParser(prog="python -m tests.gap.truth", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.truth.hidden_effects", description=__doc__)
     parser.add_argument("--case", required=True, choices=CASES)
     parser.add_argument("--size", default="medium", choices=SIZES)
     parser.add_argument("--seed", type=int, default=1)

@@ -8,10 +8,10 @@ centre of mass.
 import math
 from typing import Any
 
-from tests.gap.truth.jit import Array, jitted
-from tests.gap.truth.layout import AIR_DENSITY, GRAVITY, STATES
-from tests.gap.truth.rotation import rotation, sum3
-from tests.gap.truth.rotors import add_rotors, terminal_voltage, thrust_of
+from tests.truth.hidden_effects.jit import Array, jitted
+from tests.truth.hidden_effects.layout import AIR_DENSITY, GRAVITY, STATES
+from tests.truth.hidden_effects.rotation import rotation, sum3
+from tests.truth.hidden_effects.rotors import add_rotors, terminal_voltage, thrust_of
 
 
 @jitted

@@ -1,7 +1,7 @@
 """Judge hidden legs over many seeds; one line of JSON each.
 
-python -m tests.gap.truth_landings none --count 8 --seeds 40
-python -m tests.gap.truth_landings authors-like --count 20 --seeds 3 --radio
+python -m tests.truth.landings none --count 8 --seeds 40
+python -m tests.truth.landings authors-like --count 20 --seeds 3 --radio
 """
 
 import argparse
@@ -18,8 +18,8 @@ import numpy as np
 from calibration.flights import open_flights
 from calibration.gap.landings import LandingFindings, judge_landings
 from onboard.vehicle import load_vehicle
-from tests.gap.truth_landings.campaign import CASES, write_campaign
-from tests.gap.truth_landings.radio import through_the_radio
+from tests.truth.landings.campaign import CASES, write_campaign
+from tests.truth.landings.radio import through_the_radio
 
 
 def judged(case: str, count: int, seed: int, radio: bool) -> tuple[LandingFindings, float]:

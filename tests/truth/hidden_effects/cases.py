@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from tests.gap.truth.effects import SIZES, apply, draw
-from tests.gap.truth.flight import hidden_flight
-from tests.gap.truth.layout import GRAVITY
-from tests.gap.truth.log_file import SAMPLE_PERIOD
-from tests.gap.truth.rotors import settled_thrusts
-from tests.gap.truth.shapes import AGILE, ALOFT, HOME
+from tests.truth.hidden_effects.effects import SIZES, apply, draw
+from tests.truth.hidden_effects.flight import hidden_flight
+from tests.truth.hidden_effects.layout import GRAVITY
+from tests.truth.hidden_effects.log_file import SAMPLE_PERIOD
+from tests.truth.hidden_effects.rotors import settled_thrusts
+from tests.truth.hidden_effects.shapes import AGILE, ALOFT, HOME
 
 SCHEMA = "perchhw.gap_truth/1"
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.gap.truth_landings.campaign import DECIMALS
-from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.flight import COLUMNS, Attempt, Noise, fly
+from tests.truth.landings.campaign import DECIMALS
+from tests.truth.landings.drone import Drone
+from tests.truth.landings.flight import COLUMNS, Attempt, Noise, fly
 
 RECKONED = 0.02
 """m: the drone believes the ceiling this much too low."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tests.gap.truth.layout import CEILING, CONTROL_PERIOD, Setpoint
+from tests.truth.hidden_effects.layout import CEILING, CONTROL_PERIOD, Setpoint
 
 DURATION = 35.0
 ON, ALOFT, HOME, DOWN, OFF = 2.5, 5.0, 29.5, 31.0, 34.2

@@ -1,0 +1,1 @@
+"""What the bench measures, made by programs with laws of their own: pendulum, rotor, thrust stand."""
