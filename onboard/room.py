@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from onboard.checked_arguments import checked_number
 from onboard.errors import InputError, OnboardError
-from onboard.given import given_number
 
 HIGHEST_CEILING = 50.0
 """m. No hall is higher: such a number is a height in other units."""
@@ -62,10 +62,10 @@ def ceiling_height(given: object) -> float:
     """The height (m) of a ceiling above the floor, as somebody gave it.
 
     Raises:
-        GivenError: it is no number.
+        ArgumentError: it is no number.
         CeilingError: it is no height of a ceiling.
     """
-    height = given_number(given, "ceiling_z")
+    height = checked_number(given, "ceiling_z")
     if not 0.0 < height <= HIGHEST_CEILING:  # nor is nan
         raise CeilingError(
             f"a ceiling at {height:g} m cannot be: give its height above the floor in m, above 0 and at most "

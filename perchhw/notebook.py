@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from onboard.given import GivenError, given_count, given_name, given_numbers
+from onboard.checked_arguments import ArgumentError, checked_count, checked_name, checked_numbers
 from onboard.linear_algebra import on_one_thread
 from onboard.policy.files import Policy, find_policy
 from onboard.policy.files import load_policy as read_policy
@@ -30,7 +30,7 @@ def load_policy(name_or_path: str | Path = "default") -> Policy:
 
     Raises:
         PolicyError: there is none, or it cannot be used.
-        GivenError: it is neither a name nor a file.
+        ArgumentError: it is neither a name nor a file.
 
     >>> load_policy("default").name
     'default'
@@ -61,7 +61,7 @@ def simulate_approach(
     Raises:
         LearningInputError: no approach has such a speed or angle, or the setup cannot be used.
         PolicyError, VehicleFileError: nor can policy or vehicle.
-        GivenError: speed, angle or seed is no number of its kind.
+        ArgumentError: speed, angle or seed is no number of its kind.
 
     >>> flight = simulate_approach(load_policy(), 2.5, 50.0)
     >>> bool(flight.data["z"][-1] > 2.0), int(flight.data["legs_attached"][-1])   # it hangs by all its legs
@@ -99,7 +99,7 @@ def sweep(
 
     Raises:
         LearningInputError: the grid, the setup or the folder cannot be used.
-        GivenError: speeds, angles or repeats are no numbers of their kind.
+        ArgumentError: speeds, angles or repeats are no numbers of their kind.
 
     >>> import tempfile
     >>> summary = sweep(tempfile.mkdtemp(), speeds=[3.0], angles_deg=[37.5])
@@ -110,9 +110,9 @@ def sweep(
     from perchhw.learning.sweep import SweepGrid, run_sweep
 
     grid = SweepGrid(
-        given_numbers(speeds, "speeds"),
-        given_numbers(angles_deg, "angles_deg"),
-        given_count(repeats, "repeats", least=1),
+        checked_numbers(speeds, "speeds"),
+        checked_numbers(angles_deg, "angles_deg"),
+        checked_count(repeats, "repeats", least=1),
     )
     return run_sweep(setup or LearningSetup(), grid, Path(folder), resume=resume)
 
@@ -132,13 +132,13 @@ def train(
     Raises:
         TrainingError: the pairs are too few or do not vary.
         TrainingSetError: the folder holds no sweep that can be used, or the least landing rate is none.
-        GivenError: the seed is none, or the rate no number.
+        ArgumentError: the seed is none, or the rate no number.
     """
     from perchhw.learning.sweep_folder import PAIRS_FILE
     from perchhw.learning.train import train_policy
     from perchhw.learning.training_set import load_training_set
 
-    seed = given_count(seed, "seed")
+    seed = checked_count(seed, "seed")
     pairs = load_training_set(Path(folder) / PAIRS_FILE, landing_rate_min=landing_rate_min)
     return train_policy(pairs, name=name, seed=seed).policy
 
@@ -165,7 +165,7 @@ def fly(
             simulated lab nobody has to. None: such a drone ends the attempt before take-off.
 
     Raises:
-        PerchhwError: the attempt cannot begin; GivenError: `policy` is neither name nor file.
+        PerchhwError: the attempt cannot begin; ArgumentError: `policy` is neither name nor file.
         AttemptInterrupted: Ctrl-C; the drone was stopped and the record closed first.
     """
     from perchhw.flight import check_attempt, fly_attempt
@@ -174,8 +174,8 @@ def fly(
     from perchhw.record import discard_if_empty
 
     if isinstance(policy, Policy):
-        raise GivenError("policy is a Policy: save it with perchhw.save_policy, and give its file")
-    setup = flight_setup(_lab_file(lab), policy=given_name(policy, "policy"))
+        raise ArgumentError("policy is a Policy: save it with perchhw.save_policy, and give its file")
+    setup = flight_setup(_lab_file(lab), policy=checked_name(policy, "policy"))
     setup.check()
     request = setup.attempt(speed, angle_deg, Path(out))
     try:
@@ -272,7 +272,7 @@ def label_flight(
         LabelError: the flight lacks what a label needs; the message says what.
         VehicleFileError: the vehicle cannot be used.
         CeilingError: there is no such ceiling.
-        GivenError: `flight` or `vehicle` is something else.
+        ArgumentError: `flight` or `vehicle` is something else.
     """
     from perchhw.label import label_flight
 
@@ -300,7 +300,7 @@ def find_gap(
         NothingToFindError: not one flight can be used.
         VehicleFileError: nor can the vehicle.
         CeilingError: there is no such ceiling, or a flight goes clearly above it.
-        GivenError: `flights`, `vehicle` or `seed` is something else.
+        ArgumentError: `flights`, `vehicle` or `seed` is something else.
     """
     from calibration.gap import find
 
@@ -311,16 +311,16 @@ def find_gap(
 def _vehicle(given: "Vehicle | str | Path") -> "Vehicle":
     from onboard.vehicle import Vehicle, load_vehicle
 
-    return given if isinstance(given, Vehicle) else load_vehicle(given_name(given, "vehicle"))
+    return given if isinstance(given, Vehicle) else load_vehicle(checked_name(given, "vehicle"))
 
 
 def _flights(given: "Sequence[Flight]") -> "list[Flight]":
     from calibration.flights import Flight
 
     if isinstance(given, str | Path) or not isinstance(given, Iterable):
-        raise GivenError(f"flights is a {type(given).__name__}, no list of flights{_OPENED_SO}")
+        raise ArgumentError(f"flights is a {type(given).__name__}, no list of flights{_OPENED_SO}")
     flights = list(given)
     for one in flights:
         if not isinstance(one, Flight):
-            raise GivenError(f"a {type(one).__name__} is no flight{_OPENED_SO}")
+            raise ArgumentError(f"a {type(one).__name__} is no flight{_OPENED_SO}")
     return flights

@@ -12,7 +12,7 @@ from calibration.errors import CalibrationError
 from calibration.flights import Flight
 from calibration.gap.data import PreparedFlights, prepare_flights
 from calibration.gap.data.duplicates import content_hash
-from calibration.gap.data.found import FoundEffect, Verdict
+from calibration.gap.data.found_effect import FoundEffect, Verdict
 from calibration.gap.data.names import distinctly_named
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.signals import CHANNELS, UNITS
@@ -32,7 +32,7 @@ from calibration.gap.report.document import (
     GapReport,
     Rejected,
 )
-from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
+from calibration.gap.report.figures import figures, unexplained, unnamed_in_report, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
 from calibration.gap.report.predicted_worse import no_better
@@ -54,8 +54,8 @@ from calibration.gap.search.selection import Progress
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing, unsaid
 from calibration.gap.unnamed.fitted_terms import FittedTerm, residual_map, with_consequence
 from calibration.gap.unnamed.gap_map import GapMap
+from onboard.checked_arguments import checked_count
 from onboard.errors import InputError
-from onboard.given import given_count
 from onboard.linear_algebra import on_one_thread
 from onboard.room import ceiling_height
 from onboard.vehicle import Vehicle
@@ -102,9 +102,9 @@ class GapQuestion:
 
         Raises:
             CeilingError: there is no such ceiling.
-            GivenError: the seed is none.
+            ArgumentError: the seed is none.
         """
-        object.__setattr__(self, "seed", given_count(self.seed, "seed"))
+        object.__setattr__(self, "seed", checked_count(self.seed, "seed"))
         if self.ceiling_z is not None:
             object.__setattr__(self, "ceiling_z", ceiling_height(self.ceiling_z))
 
@@ -249,7 +249,7 @@ def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> Ga
         gap=gap,
         where=where(first_map),
         unexplained=unexplained(sizeable, found.final, names, question.vehicle, left),
-        nameless=nameless_terms(proved.nameless, proved.by_names, gap),
+        nameless=unnamed_in_report(proved.unnamed, proved.by_names, gap),
         train=tuple(record.name for record in flown.to_fit),
         held_out=tuple(record.name for record in flown.kept_back),
         unusable=(*question.unusable, *_refused(flown.prepared), *flown.not_used),

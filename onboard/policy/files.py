@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from onboard.given import given_name
+from onboard.checked_arguments import checked_name
 from onboard.policy.bundle import decode_bundle, is_bundle, policy_crc32
 from onboard.policy.json_table import JsonTable, PolicyFileError
 from onboard.policy.model import (
@@ -326,9 +326,9 @@ def find_policy(name_or_path: str | Path) -> Path:
 
     Raises:
         PolicyFileError: it is neither.
-        GivenError: it is no name at all.
+        ArgumentError: it is no name at all.
     """
-    name = given_name(name_or_path, "policy")
+    name = checked_name(name_or_path, "policy")
     path = Path(name)
     if path.exists():
         return path

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onboard.given import given_number
+from onboard.checked_arguments import checked_number
 from perchhw.learning.errors import LearningInputError
 
 VALUES_MOST = 1000
@@ -58,10 +58,10 @@ def conditions(speeds: Iterable[float], angles: Iterable[float]) -> tuple[Condit
     Raises:
         LearningInputError: a speed or angle that no approach can have, one that is given twice, or none at
             all.
-        GivenError: one that is no number.
+        ArgumentError: one that is no number.
     """
-    speeds = tuple(given_number(speed, "speed") for speed in speeds)
-    angles = tuple(given_number(angle, "angle_deg") for angle in angles)
+    speeds = tuple(checked_number(speed, "speed") for speed in speeds)
+    angles = tuple(checked_number(angle, "angle_deg") for angle in angles)
     for values, unit in ((speeds, "m/s"), (angles, "deg")):
         twice = [value for value, count in Counter(values).items() if count > 1]
         if twice:

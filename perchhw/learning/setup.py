@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from onboard.checked_arguments import checked_count, checked_name
 from onboard.controller import AUTHORS_GAINS, ControllerGains, controller_gains
-from onboard.given import given_count, given_name
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry, ceiling_height
 from onboard.vehicle import Vehicle, VehicleFileError, load_vehicle, vehicle_to_toml
@@ -123,11 +123,11 @@ class LearningSetup:
 
         Raises:
             CeilingError: there is no such ceiling.
-            GivenError: the seed is none, or the vehicle neither name nor path.
+            ArgumentError: the seed is none, or the vehicle neither name nor path.
         """
-        object.__setattr__(self, "vehicle", given_name(self.vehicle, "vehicle"))
+        object.__setattr__(self, "vehicle", checked_name(self.vehicle, "vehicle"))
         object.__setattr__(self, "ceiling_z", ceiling_height(self.ceiling_z))
-        object.__setattr__(self, "seed", given_count(self.seed, "seed"))
+        object.__setattr__(self, "seed", checked_count(self.seed, "seed"))
 
     def load_vehicle(self) -> Vehicle:
         """The vehicle with the legs that are asked for.

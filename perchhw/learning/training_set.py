@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from onboard.arrays import BoolArray, FloatArray
+from onboard.checked_arguments import checked_number
 from onboard.csv_file import CsvFile, CsvRow, read_csv
 from onboard.errors import InputError
-from onboard.given import given_number
 from perchhw.errors import FlightStackError
 
 LANDING_RATE_MIN = 0.8
@@ -95,10 +95,10 @@ def load_training_set(
 
     Raises:
         TrainingSetError: naming file, row and column (the header is row 1); or the limit is no rate.
-        GivenError: nor is it a number.
+        ArgumentError: nor is it a number.
     """
     path = Path(path)
-    landing_rate_min = given_number(landing_rate_min, "landing_rate_min")
+    landing_rate_min = checked_number(landing_rate_min, "landing_rate_min")
     if not 0.0 <= landing_rate_min <= 1.0:
         raise TrainingSetError(f"landing_rate_min {landing_rate_min:g} is no rate: give 0 to 1")
     table = read_csv(path, TrainingSetError)

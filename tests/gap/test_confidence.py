@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from calibration.gap.data.found import FoundEffect, FoundParameter
+from calibration.gap.data.found_effect import FoundEffect, FoundParameter
 from calibration.gap.report.confidence import (
     BESIDE_A_GAP,
     COUNTED,

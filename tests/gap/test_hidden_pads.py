@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.gap.data.found import Verdict
+from calibration.gap.data.found_effect import Verdict
 from calibration.gap.landings.outcomes.scores import score
 from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point
 from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words, judge_outcomes

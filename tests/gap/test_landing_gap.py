@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calibration.flights import Flight, open_flight, open_flights
-from calibration.gap.data.found import Verdict
+from calibration.gap.data.found_effect import Verdict
 from calibration.gap.landings import LandingFindings, judge_landings
 from calibration.gap.landings.choose import at_bound
 from calibration.gap.landings.flip import flip_residual

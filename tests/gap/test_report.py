@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calibration.errors import CalibrationError
-from calibration.gap.data.found import FoundEffect, FoundParameter, Verdict
+from calibration.gap.data.found_effect import FoundEffect, FoundParameter, Verdict
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings import LandingFindings
 from calibration.gap.landings.flip import FlipResidual

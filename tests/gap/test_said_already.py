@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from calibration.gap.data.found import FoundEffect, FoundParameter
+from calibration.gap.data.found_effect import FoundEffect, FoundParameter
 from calibration.gap.estimate.acceptance import sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.sensors import unsaid

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from calibration.gap.data.found import Verdict
+from calibration.gap.data.found_effect import Verdict
 from calibration.gap.landings.outcomes.search import GROUPS, OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import (
     WITHOUT,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from calibration.flights import open_flights
-from calibration.gap.data.found import Verdict
+from calibration.gap.data.found_effect import Verdict
 from calibration.gap.find import GapQuestion, GapResult, find_gap
 from tests.truth import tunnel
 

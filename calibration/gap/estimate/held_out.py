@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.found import Improvement
+from calibration.gap.data.found_effect import Improvement
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, UNITS, Signals, stack_signals, window_means
 from calibration.gap.estimate.model import Model

@@ -225,8 +225,8 @@ def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
 
 
 def _prior(model: Model, variables: Sequence[Variable], beside: Prior, unnamed: int) -> Prior:
-    nameless = Prior.independent(np.zeros(unnamed), np.full(unnamed, _UNNAMED_RANGE**-2.0))
-    return prior_step(model, variables).and_of(beside).and_of(nameless)
+    free = Prior.independent(np.zeros(unnamed), np.full(unnamed, _UNNAMED_RANGE**-2.0))
+    return prior_step(model, variables).and_of(beside).and_of(free)
 
 
 def refine(
@@ -255,9 +255,9 @@ def refine(
     given = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
     known = given
     terms = tuple(unnamed if unnamed is not None else start.unnamed if start is not None else ())
-    nameless = [column for term in terms for column in term.columns]
+    of_terms = [column for term in terms for column in term.columns]
     beside = unstated(model, training.records) if near is None else near.columns_of_unstated
-    extra = [*beside, *nameless]
+    extra = [*beside, *of_terms]
     believed = prior_of_unstated(len(beside)) if known_of_unstated is None else known_of_unstated
     spread = FIRST_SPREAD if start is None else start.estimate.fit.spread
     noise: Noise | None = None if start is None else start.estimate.noise
@@ -268,7 +268,7 @@ def refine(
         ]
         columns = _mean_of_motors_by_forces(variables, columns)
         while True:
-            prior = _prior(model, variables, believed, len(nameless))
+            prior = _prior(model, variables, believed, len(of_terms))
             estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
             step = _bounded_step(model, variables, estimate.fit.theta)
             stuck = (step == 0.0) & (estimate.fit.theta[: len(variables)] != 0.0)

@@ -77,25 +77,25 @@ def _rotors_follow_in(model: Model) -> float:
 def _likeliest(records: Sequence[FlightRecord], model: Model) -> float:
     """Lag (s) of voltages, which all flights have, to the current of a model; 0 as :func:`voltage_lag`."""
     voltages = _voltages(records, model)
-    at_once = voltages.told(0.0)
-    if voltages.told(_TRIED[0]).likelihood <= at_once.likelihood:
+    at_once = voltages.fit_at(0.0)
+    if voltages.fit_at(_TRIED[0]).likelihood <= at_once.likelihood:
         return 0.0
-    best = int(np.argmax([voltages.told(lag).likelihood for lag in _TRIED]))
+    best = int(np.argmax([voltages.fit_at(lag).likelihood for lag in _TRIED]))
     low, high = _TRIED[max(best - 1, 0)], _TRIED[min(best + 1, len(_TRIED) - 1)]
     found = minimize_scalar(
-        lambda logarithm: -voltages.told(float(np.exp(logarithm))).likelihood,
+        lambda logarithm: -voltages.fit_at(float(np.exp(logarithm))).likelihood,
         bounds=(np.log(low), np.log(high)),
         method="bounded",
         options={"xatol": _NEAR},
     )
     lag = float(np.exp(found.x))
-    told = voltages.told(lag)
-    beyond_chance = told.likelihood - at_once.likelihood >= LEAST_GAIN
-    return lag if beyond_chance and told.resistance > DETECTABLE * told.error else 0.0
+    fit = voltages.fit_at(lag)
+    beyond_chance = fit.likelihood - at_once.likelihood >= LEAST_GAIN
+    return lag if beyond_chance and fit.resistance > DETECTABLE * fit.error else 0.0
 
 
-class _Told(NamedTuple):
-    """What voltages say of one lag.
+class _FitAtLag(NamedTuple):
+    """The voltages fitted with one lag.
 
     Attributes:
         likelihood: log-likelihood, less what does not depend on the lag.
@@ -124,8 +124,8 @@ class _Voltages:
     predictions: Sequence[Prediction]
     regression: Regression
 
-    def told(self, lag: float) -> _Told:
-        """What they say where they follow with this lag (s)."""
+    def fit_at(self, lag: float) -> _FitAtLag:
+        """The most likely resistance where they follow with this lag (s), and how likely both are."""
         late = [replace(record, voltage_lag=lag) for record in self.records]
         p, pairs = self.model.parameters(), list(zip(late, self.predictions, strict=True))
         predicted = self._column([terminal_voltage(p, *pair) for pair in pairs])
@@ -139,7 +139,7 @@ class _Voltages:
             spread, noise = estimate.fit.spread, self.regression.fit_noise(estimate.residual)
         assert noise is not None
         rows = int(self.regression.whole[:, VOLTAGE].sum())
-        return _Told(
+        return _FitAtLag(
             likelihood=-rows * float(np.log(max(noise.sigma[VOLTAGE], _RESOLVED))),
             resistance=float(p["battery_resistance"] + estimate.fit.theta[0]),
             error=float(np.sqrt(estimate.fit.covariance[0, 0])),

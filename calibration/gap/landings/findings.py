@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from calibration.gap.data.found import FoundEffect, Verdict
+from calibration.gap.data.found_effect import FoundEffect, Verdict
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.flip import FlipResidual
 from calibration.measurement import Interval

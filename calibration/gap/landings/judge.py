@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.flights import Flight
-from calibration.gap.data.found import FoundEffect, FoundParameter, Improvement, Verdict, separations
+from calibration.gap.data.found_effect import FoundEffect, FoundParameter, Improvement, Verdict, separations
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.choose import REPLICATES, Choice, at_bound, choose, intervals
 from calibration.gap.landings.findings import LandingFindings

@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.found_effect import FoundEffect
 from calibration.gap.estimate.acceptance import NINETY_FIVE
 from onboard.vehicle import EFFECTS, Vehicle
 

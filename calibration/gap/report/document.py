@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from calibration.errors import CalibrationError
-from calibration.gap.data.found import FoundEffect, Verdict
+from calibration.gap.data.found_effect import FoundEffect, Verdict
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings import LandingFindings
 from onboard.json_file import as_json
@@ -120,7 +120,7 @@ class Rejected:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NamelessTerms:
+class UnnamedTerms:
     """What was found, has no name, and whether the improved vehicle has it all the same.
 
     Attributes:
@@ -152,6 +152,7 @@ class GapReport:
         ambiguous: sets of effects that the data cannot tell apart, whether or not one of them was found.
         rejected: effects that were near but not accepted.
         limitations: what cannot be concluded from these flights, in sentences.
+        nameless: what is said of terms without a name, under the key that it has in the file.
         landings: what they were judged by; None without flips, or for a vehicle without legs.
         seed: of every random number.
         settings: anything else that a repetition needs (versions, options), by name.
@@ -170,7 +171,7 @@ class GapReport:
     ambiguous: tuple[AmbiguousSet, ...] = ()
     rejected: tuple[Rejected, ...] = ()
     limitations: tuple[str, ...] = ()
-    nameless: NamelessTerms = NamelessTerms()
+    nameless: UnnamedTerms = UnnamedTerms()
     landings: LandingFindings | None = None
     seed: int = 0
     settings: Mapping[str, Any] = field(default_factory=dict)

@@ -9,13 +9,13 @@ from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
-from calibration.gap.report.document import Gap, NamelessTerms, Rejected, Unexplained, Where
+from calibration.gap.report.document import Gap, Rejected, Unexplained, UnnamedTerms, Where
 from calibration.gap.report.effect_pictures import along_regressor, effect_pictures
 from calibration.gap.report.figures_data import AlongRegressor, ReportFigures
 from calibration.gap.report.prediction_figures import stage_gaps
 from calibration.gap.search.forward import Search
-from calibration.gap.search.nameless import Nameless
 from calibration.gap.search.naming import Named
+from calibration.gap.search.unnamed_curves import UnnamedCurves
 from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.gap.unnamed.regressors import regressors
@@ -50,13 +50,13 @@ def unexplained(
     )
 
 
-def nameless_terms(nameless: Nameless, by_names: Gap, gap: Gap) -> NamelessTerms:
+def unnamed_in_report(unnamed: UnnamedCurves, by_names: Gap, gap: Gap) -> UnnamedTerms:
     """What is said of terms without a name; the gap with names alone, and with what is written."""
     closes = dataclasses.replace(by_names.overall, before=by_names.overall.after, after=gap.overall.after)
-    return NamelessTerms(
-        written=tuple(nameless.curves),
-        refused=tuple(Rejected(name=name, reason=reason) for name, reason in nameless.refused.items()),
-        closes=closes if nameless.curves else None,
+    return UnnamedTerms(
+        written=tuple(unnamed.curves),
+        refused=tuple(Rejected(name=name, reason=reason) for name, reason in unnamed.refused.items()),
+        closes=closes if unnamed.curves else None,
     )
 
 

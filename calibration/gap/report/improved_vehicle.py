@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.found_effect import FoundEffect
 from calibration.gap.estimate.acceptance import NINETY_FIVE
 from calibration.gap.replay.hover import HoverCommand, hover_command, up_to_full_duty
 from calibration.gap.search.naming import Named

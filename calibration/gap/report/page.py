@@ -5,7 +5,7 @@ from html import escape
 from operator import attrgetter
 from typing import Any
 
-from calibration.gap.data.found import FoundEffect, Verdict
+from calibration.gap.data.found_effect import FoundEffect, Verdict
 from calibration.gap.landings import LandingFindings
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
@@ -21,7 +21,7 @@ _COLOURS = {
     Verdict.NO_GAP: "#1a7f4b",
     Verdict.UNEXPLAINED_GAP: "#b5531c",
 }
-_NAMELESS = (
+_UNNAMED = (
     "What is a function of place, speed or turn, and holds on flights that no fit saw, is in the vehicle "
     "file as [[unnamed]]: the simulation flies it; nobody knows what it is."
 )
@@ -68,7 +68,7 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     if report.unexplained.share > 0.0 or report.verdict is Verdict.UNEXPLAINED_GAP:
         yield section("What is left", _rest(report))
     if report.nameless.written or report.nameless.refused:
-        yield section("What was found without a name", _nameless(report), _NAMELESS)
+        yield section("What was found without a name", _unnamed(report), _UNNAMED)
     if report.rejected:
         rejected = text_table(["effect", "why not"], ([plain(it.name), it.reason] for it in report.rejected))
         yield section("What looked missing and was not accepted", rejected)
@@ -87,7 +87,7 @@ def _verdict(report: GapReport) -> str:
     if report.verdict is Verdict.UNEXPLAINED_GAP:
         sentences.append(words.unexplained_in_words(report))
     if report.nameless.closes is not None:
-        sentences.append(words.nameless_in_words(report.nameless.closes))
+        sentences.append(words.unnamed_in_words(report.nameless.closes))
     sentences += [words.ambiguity_in_words(effect) for effect in report.effects if effect.ambiguous_with]
     bounds = [
         f"{plain(effect.name)}: {plain(name)} ended at the limit of what is physical, which is a warning and "
@@ -244,7 +244,7 @@ def _rest(report: GapReport) -> str:
     return table(["", ""], rows)
 
 
-def _nameless(report: GapReport) -> str:
+def _unnamed(report: GapReport) -> str:
     told = report.nameless
     rows = [[f"<code>{escape(text)}</code>", "yes"] for text in told.written]
     rows += [[f"<code>{escape(one.name)}</code>", f"no: {escape(one.reason)}"] for one in told.refused]

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.found_effect import FoundEffect
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay import PredictionErrors, evaluate
 from calibration.gap.report.prediction_figures import prediction_gap

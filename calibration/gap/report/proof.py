@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.found import FoundEffect, FoundParameter, separations
+from calibration.gap.data.found_effect import FoundEffect, FoundParameter, separations
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.acceptance import NINETY_FIVE
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
@@ -17,9 +17,9 @@ from calibration.gap.report.predicted_worse import predicted_worse
 from calibration.gap.report.prediction_figures import acted_on, prediction_gap
 from calibration.gap.report.remaining import own_floor
 from calibration.gap.search.forward import Search
-from calibration.gap.search.nameless import Nameless, nameless_curves
-from calibration.gap.search.naming import NAMELESS, Named, as_believed
+from calibration.gap.search.naming import UNNAMED, Named, as_believed
 from calibration.gap.search.retest import FAILED
+from calibration.gap.search.unnamed_curves import UnnamedCurves, unnamed_curves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class Proof:
 
     held_out: Sequence[FlightRecord]
     names: Named
-    nameless: Nameless
+    unnamed: UnnamedCurves
     believed: Fitted
     stages: dict[str, PredictionErrors]
     by_names: Gap
@@ -68,13 +68,13 @@ def proof(
         names = names.without_any(reason)
         stages = _stages(names, held_out)
     believed = as_believed(found, names, training)
-    nameless = nameless_curves(names, believed, kept_back, source)
+    unnamed = unnamed_curves(names, believed, kept_back, source)
     by_names = prediction_gap(stages)
-    names, nameless = _with_curves(names, nameless, stages, held_out)
+    names, unnamed = _with_curves(names, unnamed, stages, held_out)
     return Proof(
         held_out=held_out,
         names=names,
-        nameless=nameless,
+        unnamed=unnamed,
         believed=believed,
         stages=stages,
         by_names=by_names,
@@ -91,20 +91,20 @@ def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, Predicti
 
 
 def _with_curves(
-    names: Named, nameless: Nameless, stages: dict[str, PredictionErrors], records: Sequence[FlightRecord]
-) -> tuple[Named, Nameless]:
+    names: Named, unnamed: UnnamedCurves, stages: dict[str, PredictionErrors], records: Sequence[FlightRecord]
+) -> tuple[Named, UnnamedCurves]:
     """The names with the curves, whose predictions are added to the stages; without them, where those are
     worse: nobody knows a physics that would speak for them."""
-    if not nameless.curves:
-        return names, nameless
-    added = dataclasses.replace(names, curves=tuple(nameless.curves.values()))
-    errors = evaluate(records, added.models()[NAMELESS].vehicle())
+    if not unnamed.curves:
+        return names, unnamed
+    added = dataclasses.replace(names, curves=tuple(unnamed.curves.values()))
+    errors = evaluate(records, added.models()[UNNAMED].vehicle())
     *_, last = stages.values()
     if any(levels.after > levels.before for levels in acted_on(last, errors, added.curves)):
-        return names, nameless.without_any(FAILED)
+        return names, unnamed.without_any(FAILED)
     stages.pop("after", None)  # where there are no names
-    stages[NAMELESS] = errors
-    return added, nameless
+    stages[UNNAMED] = errors
+    return added, unnamed
 
 
 def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:

@@ -1,6 +1,6 @@
 """The verdict in words, and numbers as the page shows them."""
 
-from calibration.gap.data.found import FoundEffect, FoundParameter, Verdict
+from calibration.gap.data.found_effect import FoundEffect, FoundParameter, Verdict
 from calibration.gap.report.document import GapReport, Levels
 from calibration.gap.search.naming import FEWEST, REAL
 from calibration.measurement import Interval
@@ -85,7 +85,7 @@ def gap_in_words(metric: str, levels: Levels, unseen: bool) -> str:
     return text
 
 
-def nameless_in_words(levels: Levels) -> str:
+def unnamed_in_words(levels: Levels) -> str:
     """What terms without a name do, which are in the vehicle file."""
     return (
         f"With names alone {number(levels.before)}{unit(levels.unit)} would be left; what has no name and is "

@@ -27,7 +27,7 @@ REAL = "real, but too small for a name"
 FEWEST = 3
 """Flights: what fewer show may be of one of them alone."""
 
-NAMELESS = "with what has no name"
+UNNAMED = "with what has no name"
 """The stage of a model with terms without a name."""
 
 NOTHING = "its interval contains nothing"
@@ -96,7 +96,7 @@ class Named:
         if self.minor:
             stages["with the small ones"] = self.improved
         if self.curves:
-            stages[NAMELESS] = self.improved.with_curves(self.curves)
+            stages[UNNAMED] = self.improved.with_curves(self.curves)
         return stages
 
 

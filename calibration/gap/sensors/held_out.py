@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.found import Improvement
+from calibration.gap.data.found_effect import Improvement
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import conjugates, integrate_rate, matrices, products, rotation_vectors
 from calibration.gap.data.smoothing import Smoothing

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.found import FoundEffect, FoundParameter, Improvement
+from calibration.gap.data.found_effect import FoundEffect, FoundParameter, Improvement
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.sensors.correction import align, best_values, correct_flight
 from calibration.gap.sensors.flight_estimates import (

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.gap.data.found import Verdict
+from calibration.gap.data.found_effect import Verdict
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.outcomes.dispersion import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from calibration.gap.data.found import Verdict
+from calibration.gap.data.found_effect import Verdict
 from calibration.gap.landings.outcomes.scores import Score, count_interval
 from calibration.gap.landings.outcomes.search import GROUPS, LAWS, OutcomeSearch
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, stripped

@@ -17,9 +17,15 @@ from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, UnnamedTerm, refine, training_set
 from calibration.gap.estimate.shared_nuisances import shared_nuisances
 from calibration.gap.replay import evaluate
-from calibration.gap.search.nameless import NO_FLIGHT, NO_ROOM, UNCONFIRMED, Nameless, nameless_curves
 from calibration.gap.search.naming import Named
 from calibration.gap.search.retest import FAILED
+from calibration.gap.search.unnamed_curves import (
+    NO_FLIGHT,
+    NO_ROOM,
+    UNCONFIRMED,
+    UnnamedCurves,
+    unnamed_curves,
+)
 from calibration.gap.unnamed.curves import OWN_PHASE
 from calibration.gap.unnamed.regressors import Regressor, regressors
 from calibration.gap.unnamed.terms import interval_term, line_term, polynomial_term
@@ -102,8 +108,8 @@ def named(model: Model = MODEL, **changes: Any) -> Named:
     return dataclasses.replace(nothing, **changes)
 
 
-def written(fitted: Fitted, unseen: Sequence[FlightRecord], names: Named | None = None) -> Nameless:
-    return nameless_curves(names or named(fitted.model), fitted, unseen, "a test")
+def written(fitted: Fitted, unseen: Sequence[FlightRecord], names: Named | None = None) -> UnnamedCurves:
+    return unnamed_curves(names or named(fitted.model), fitted, unseen, "a test")
 
 
 def position_error(records: Sequence[FlightRecord], vehicle: Vehicle) -> float:
@@ -144,7 +150,7 @@ def test_the_curve_of_a_heavier_vehicle_is_the_force_that_moves_it_as_much() -> 
     records, unseen = fitted_to(SLAB), kept_back(SLAB)
     plain = fit(records, slab(records))
     heavy = Model(STOCK, {Variable("mass_error", "relative"): 0.25})
-    (one,) = nameless_curves(named(heavy), plain, unseen, "a test").curves.values()
+    (one,) = unnamed_curves(named(heavy), plain, unseen, "a test").curves.values()
     (other,) = written(plain, unseen).curves.values()
     assert max(one.values) == pytest.approx(1.25 * max(other.values))
 
@@ -168,7 +174,7 @@ def test_a_force_in_all_flights_is_not_written_as_it_may_be_the_accelerometer_s(
     records, unseen = fitted_to(LEAN), kept_back(LEAN)
     fitted = fit(records)
     assert [one.name for one in shared_nuisances(fitted, STOCK)] == ["force_bias_x"]
-    assert written(fitted, unseen) == Nameless({}, {})
+    assert written(fitted, unseen) == UnnamedCurves({}, {})
 
 
 def test_a_trim_that_flights_kept_back_do_not_have_is_refused() -> None:
@@ -204,7 +210,7 @@ def test_without_flights_to_confirm_it_nothing_is_written() -> None:
         (named(unconfirmed=("wind",)), unseen, UNCONFIRMED),
         (named(Model(full)), unseen, NO_ROOM),
     ):
-        found = nameless_curves(names, fitted, flights, "a test")
+        found = unnamed_curves(names, fitted, flights, "a test")
         assert found.curves == {}
         assert list(found.refused.values()) == [reason]
 

@@ -17,7 +17,7 @@ UNCONFIRMED = "fewer flights were fitted than confirm anything"
 
 
 @dataclass(frozen=True)
-class Nameless:
+class UnnamedCurves:
     """Terms without a name of a fit.
 
     Attributes:
@@ -28,14 +28,14 @@ class Nameless:
     curves: dict[str, UnnamedCurve]
     refused: dict[str, str]
 
-    def without_any(self, reason: str) -> "Nameless":
+    def without_any(self, reason: str) -> "UnnamedCurves":
         """The same without a curve, each refused for one reason."""
-        return Nameless({}, {**self.refused, **dict.fromkeys(self.curves, reason)})
+        return UnnamedCurves({}, {**self.refused, **dict.fromkeys(self.curves, reason)})
 
 
-def nameless_curves(
+def unnamed_curves(
     names: Named, believed: Fitted, kept_back: Sequence[FlightRecord], source: str
-) -> Nameless:
+) -> UnnamedCurves:
     """Terms without a name that a vehicle file can say and flights kept back bear out.
 
     Nobody knows a physics that speaks for such a term: it has to make flights that no fit saw more likely,
@@ -58,7 +58,7 @@ def nameless_curves(
             curves[one.formula] = one.curve
     held = _that_hold(curves, believed, kept_back)
     refused.update({formula: FAILED for formula in curves if formula not in held})
-    return Nameless(held, refused)
+    return UnnamedCurves(held, refused)
 
 
 def _cannot_be_written(one: WordedTerm, names: Named, kept_back: bool, present: int) -> str:

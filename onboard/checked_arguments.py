@@ -8,50 +8,52 @@ from reprlib import repr as short
 from onboard.errors import InputError, OnboardError
 
 
-class GivenError(OnboardError, InputError):
+class ArgumentError(OnboardError, InputError):
     """Something of another kind than is asked for was given: the message says what, and what to give."""
 
 
-def given_number(value: object, name: str) -> float:
+def checked_number(value: object, name: str) -> float:
     """The number that was given as `name`.
 
     Raises:
-        GivenError: it is none.
+        ArgumentError: it is none.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise GivenError(f"{name}: {short(value)} is no number")
+        raise ArgumentError(f"{name}: {short(value)} is no number")
     return float(value)
 
 
-def given_numbers(values: object, name: str) -> tuple[float, ...]:
+def checked_numbers(values: object, name: str) -> tuple[float, ...]:
     """The numbers that were given as `name`.
 
     Raises:
-        GivenError: one of them is none, or they are no list of them.
+        ArgumentError: one of them is none, or they are no list of them.
     """
     if isinstance(values, str) or not isinstance(values, Iterable):
-        raise GivenError(f"{name}: {short(values)} is no list of numbers; write one number in brackets, too")
-    return tuple(given_number(value, name) for value in values)
+        raise ArgumentError(
+            f"{name}: {short(values)} is no list of numbers; write one number in brackets, too"
+        )
+    return tuple(checked_number(value, name) for value in values)
 
 
-def given_count(value: object, name: str, least: int = 0) -> int:
+def checked_count(value: object, name: str, least: int = 0) -> int:
     """The whole number that was given as `name`.
 
     Raises:
-        GivenError: it is none, or below `least`.
+        ArgumentError: it is none, or below `least`.
     """
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
-        raise GivenError(f"{name}: {short(value)} is no whole number of at least {least}")
+        raise ArgumentError(f"{name}: {short(value)} is no whole number of at least {least}")
     return int(value)
 
 
-def given_name(value: object, name: str) -> str:
+def checked_name(value: object, name: str) -> str:
     """The name or path that was given as `name`.
 
     Raises:
-        GivenError: it is neither, or empty.
+        ArgumentError: it is neither, or empty.
     """
     if isinstance(value, str | Path) and str(value).strip():
         return str(value)
     given = "is empty" if isinstance(value, str) else f"is a {type(value).__name__}"
-    raise GivenError(f"{name} {given}: give a name or a file")
+    raise ArgumentError(f"{name} {given}: give a name or a file")
