@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from calibration.gap.data.found import Improvement
+from calibration.gap.data.found_effect import Improvement
 from calibration.gap.data.signals import PARTS
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.estimate.model import Model, Variable
