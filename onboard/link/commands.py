@@ -13,14 +13,14 @@ itself, ``03``, is in :mod:`onboard.link.stop`.
 import errno
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from cflib.crtp.crtpstack import CRTPPort
 from cflib.utils.encoding import compress_quaternion
 
 from onboard.arrays import Vector
 from onboard.link.errors import CommandRefused, LinkInputError
-from onboard.link.exchange import Exchange
+from onboard.link.exchange import Exchange, always
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 
 _POSE_CHANNEL, _POSE_COMMAND = 1, 0x08
@@ -32,6 +32,8 @@ _ANSWER = 0x80
 _META_CHANNEL, _NOTICE_COPIES = 1, 2
 _SETPOINTS_STOPPED = struct.pack("<BI", 0, 0)
 _COMMANDER_RETRY_S = 0.1
+_PLANNER = b"planner"
+"""What all its commands write to: of two the newer one counts, and the older one is not repeated any more."""
 _PLANNER_REFUSES = 1
 """The firmware's planner, to a take-off when it flies and to a landing when it lands (``planner.c``)."""
 _POSE = struct.Struct("<B7f")
@@ -62,7 +64,9 @@ class Commands:
         payload = _POSE.pack(_POSE_COMMAND, *numbers)
         self._exchange.send(CRTPPort.LOCALIZATION, _POSE_CHANNEL, payload)
 
-    def takeoff(self, height: float, duration: float, yaw: float | None) -> None:
+    def takeoff(
+        self, height: float, duration: float, yaw: float | None, wanted: Callable[[], bool] = always
+    ) -> None:
         """Climb to ``height``; see :meth:`onboard.link.drone.DroneLink.takeoff`.
 
         A setpoint of higher priority may still be in force: cflib sends one when it closes a link, and then
@@ -73,23 +77,42 @@ class Commands:
         self._high_level(
             "takeoff",
             struct.pack("<BBff?f", _TAKEOFF, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration),
+            wanted=wanted,
             refuses_copies=True,
         )
 
-    def land(self, height: float, duration: float, yaw: float | None) -> None:
+    def land(
+        self,
+        height: float,
+        duration: float,
+        yaw: float | None,
+        again: bool = False,
+        wanted: Callable[[], bool] = always,
+    ) -> None:
         """Descend to ``height``; see :meth:`onboard.link.drone.DroneLink.land`."""
         self._high_level(
             "land",
             struct.pack("<BBff?f", _LAND, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration),
+            wanted=wanted,
             refuses_copies=True,
+            is_copy=again,
         )
 
-    def go_to(self, x: float, y: float, z: float, yaw: float, duration: float, relative: bool) -> None:
+    def go_to(
+        self,
+        x: float,
+        y: float,
+        z: float,
+        yaw: float,
+        duration: float,
+        relative: bool,
+        wanted: Callable[[], bool] = always,
+    ) -> None:
         """Fly to a point; see :meth:`onboard.link.drone.DroneLink.go_to`."""
         payload = struct.pack("<BB??5f", _GO_TO, _ALL_GROUPS, relative, False, x, y, z, yaw, duration)
         # A relative move that arrives twice goes twice as far, so it is sent once; a lost answer is then an
         # error.
-        self._high_level("go_to", payload, repeatable=not relative)
+        self._high_level("go_to", payload, wanted=wanted, repeatable=not relative)
 
     def stop_motors(self) -> None:
         """End the trajectory and stop the motors."""
@@ -137,7 +160,14 @@ class Commands:
             self._exchange.send(CRTPPort.COMMANDER_GENERIC, _META_CHANNEL, _SETPOINTS_STOPPED)
 
     def _high_level(
-        self, name: str, payload: bytes, *, repeatable: bool = True, refuses_copies: bool = False
+        self,
+        name: str,
+        payload: bytes,
+        *,
+        wanted: Callable[[], bool] = always,
+        repeatable: bool = True,
+        refuses_copies: bool = False,
+        is_copy: bool = False,
     ) -> None:
         head = payload[:3]
         reply, copies = self._exchange.ask(
@@ -148,13 +178,15 @@ class Commands:
             within=self._within,
             what=f"{name} command",
             retry_s=_COMMANDER_RETRY_S if repeatable else None,
+            place=_PLANNER,
+            wanted=wanted,
         )
         if reply[3] == errno.EBUSY:
             raise CommandRefused(
                 f"the drone refuses {name}, its supervisor does not let it fly: {self._why()}"
             )
-        if refuses_copies and reply[3] == _PLANNER_REFUSES and copies > 1:
-            return  # a copy whose answer was lost came first: the drone does already what was asked
+        if refuses_copies and reply[3] == _PLANNER_REFUSES and (copies > 1 or is_copy):
+            return  # a copy came first, whose answer may be lost: the drone does already what was asked
         if reply[3] != 0:
             raise CommandRefused(f"the drone refuses {name}: error {reply[3]}")
 

@@ -21,6 +21,7 @@ from onboard.link.connection import Connection, connect
 from onboard.link.crazyflie import broken_opening, closed_on_error
 from onboard.link.driver import ResendingUdpDriver
 from onboard.link.errors import LinkLost, LinkTimeout
+from onboard.link.exchange import always
 from onboard.link.logs import LogSample, LogStream, LogStreams
 from onboard.link.memory import Memories
 from onboard.link.parameters import Parameters
@@ -265,26 +266,41 @@ class DroneLink(Closing):
         """
         self._commands.send_pose(position, quaternion)
 
-    def takeoff(self, height: float, duration: float, yaw: float | None = None) -> None:
-        """Climb to ``height`` [m, world z] within ``duration`` [s]; ``yaw`` [rad], None keeps the present
-        one.
+    def takeoff(
+        self,
+        height: float,
+        duration: float,
+        yaw: float | None = None,
+        *,
+        wanted: Callable[[], bool] = always,
+    ) -> None:
+        """Climb to ``height`` [m, world z] within ``duration`` [s]; ``yaw`` [rad], None: the present one.
+        No copy is sent any more once it is not ``wanted``.
 
         Raises:
             CommandRefused: the drone's supervisor does not let it fly.
+            Superseded: another thread gave the planner another command meanwhile, or it is not wanted.
         """
-        self._commands.takeoff(height, duration, yaw)
+        self._commands.takeoff(height, duration, yaw, wanted)
 
     def go_to(
-        self, x: float, y: float, z: float, yaw: float, duration: float, relative: bool = False
+        self,
+        x: float,
+        y: float,
+        z: float,
+        yaw: float,
+        duration: float,
+        relative: bool = False,
+        *,
+        wanted: Callable[[], bool] = always,
     ) -> None:
         """Fly to a point [m, world] with ``yaw`` [rad] within ``duration`` [s]; ``relative`` to the present
-        setpoint.
+        setpoint. The planner takes it also when it lands, and lands no more. Errors as :meth:`takeoff`.
 
         Raises:
-            CommandRefused: as for :meth:`takeoff`.
             LinkTimeout: no answer. A relative move is sent once only, so it may or may not happen.
         """
-        self._commands.go_to(x, y, z, yaw, duration, relative)
+        self._commands.go_to(x, y, z, yaw, duration, relative, wanted)
 
     def send_full_state(
         self, position: Vector, velocity: Vector, acceleration: Vector, yaw: float, yaw_rate: float
@@ -308,10 +324,19 @@ class DroneLink(Closing):
         """Say that the stream of setpoints is over: the high-level commander takes the drone where it is."""
         self._commands.end_setpoints()
 
-    def land(self, height: float, duration: float, yaw: float | None = None) -> None:
-        """Descend to ``height`` [m, world z] within ``duration`` [s]. Call :meth:`stop_motors` when it is
-        down."""
-        self._commands.land(height, duration, yaw)
+    def land(
+        self,
+        height: float,
+        duration: float,
+        yaw: float | None = None,
+        *,
+        again: bool = False,
+        wanted: Callable[[], bool] = always,
+    ) -> None:
+        """Descend to ``height`` [m, world z] within ``duration`` [s]; then :meth:`stop_motors`. ``again``:
+        it may be landing already, and goes on. Errors as :meth:`takeoff`.
+        """
+        self._commands.land(height, duration, yaw, again, wanted)
 
     def stop_motors(self) -> None:
         """Stop the high-level commander and with it the motors."""

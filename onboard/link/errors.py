@@ -17,7 +17,8 @@ class LinkTimeout(LinkError):
 
 
 class Superseded(LinkError):
-    """Another thread wrote something else to the same place before this was confirmed."""
+    """Another thread wrote something else to the same place before this was confirmed, or whoever wanted this
+    does no longer. Whether the drone acted on it is unknown."""
 
 
 class LinkLost(LinkError):

@@ -27,6 +27,11 @@ UNDER_WAY = 4
 _log = logging.getLogger(__name__)
 
 
+def always() -> bool:
+    """Of a request that is wanted whatever happens."""
+    return True
+
+
 @dataclass(slots=True, eq=False)
 class _Waiter:
     port: int
@@ -127,6 +132,7 @@ class Exchange:
         what: str,
         retry_s: float | None = None,
         place: bytes | None = None,
+        wanted: Callable[[], bool] = always,
     ) -> Answer:
         """Send a request; its answer, and how often it was sent.
 
@@ -141,10 +147,12 @@ class Exchange:
                 it.
             place: what is written to, if it is a write: a write of something else to it that another thread
                 waits for is given up, for no driver repeats both.
+            wanted: asked before this gives up anything else, and before each copy. Once it says no, none
+                leaves any more, but one that a thread of this moment has in its hands.
 
         Raises:
             LinkTimeout: no answer by the deadline.
-            Superseded: another thread wrote to the same place before this was answered.
+            Superseded: another thread wrote to the same place before this was answered, or it is not wanted.
             LinkLost: the link is gone, or went while waiting.
         """
         packet = CRTPPacket(port << 4 | channel, payload)
@@ -154,7 +162,7 @@ class Exchange:
         if retry_s is None and link is not None and link.needs_resending:
             retry_s = RETRY_S
         deadline = self._clock() + within
-        self._wait_for(waiter)
+        self._wait_for(waiter, wanted, what)
         try:
             self._check_open()
             self._crazyflie.transmit(packet)
@@ -162,6 +170,7 @@ class Exchange:
             while not waiter.event.wait(max(0.0, min(deadline - self._clock(), retry_s or within))):
                 if self._clock() >= deadline:
                     raise LinkTimeout(f"{self._uri} did not answer within {within:g} s: {what}")
+                _require(wanted, what)
                 if retry_s is not None:
                     self._crazyflie.transmit(packet)
                     copies += 1
@@ -175,9 +184,13 @@ class Exchange:
             raise LinkLost(f"the link to {self._uri} broke while waiting: {what}")
         return Answer(waiter.reply, copies)
 
-    def _wait_for(self, waiter: _Waiter) -> None:
-        """Wait for its answer from now on, and no longer for that of a write which it undoes."""
+    def _wait_for(self, waiter: _Waiter, wanted: Callable[[], bool], what: str) -> None:
+        """Wait for its answer from now on, and no longer for that of a write which it undoes.
+
+        Under the lock: what took its place before was there only after this was no longer wanted.
+        """
         with self._lock:
+            _require(wanted, what)
             for other in filter(waiter.undoes, self._waiters):
                 other.superseded = True
                 other.event.set()
@@ -283,3 +296,8 @@ class Exchange:
             if waiter.reply is None and waiter.accepts(payload):
                 waiter.reply = payload
                 waiter.event.set()
+
+
+def _require(wanted: Callable[[], bool], what: str) -> None:
+    if not wanted():
+        raise Superseded(f"it is no longer wanted: {what}")

@@ -15,6 +15,8 @@ from typing import NamedTuple
 #: Age at which neither a datagram that has not arrived nor its answer ever will [s]; networks that reorder
 #: hold one back for milliseconds, retries of a wireless link for some hundred.
 LIFETIME_S = 0.5
+#: As that [s], for commands to the planner, which are no writes of a parameter: 0.3 s each way.
+COMMAND_LIFETIME_S = 0.6
 _NEVER = float("-inf")
 _SEVERAL = b""
 

@@ -12,6 +12,7 @@ from onboard.app_interface import Parameter
 from onboard.errors import PerchhwError
 from onboard.firmware.constants import vehicle_crc32
 from onboard.link.landing_app import arm_approach, check_vehicle, release
+from onboard.link.strays import COMMAND_LIFETIME_S
 from onboard.timebase import Event as Signal
 from onboard.timebase import Queue, Timebase
 from onboard.vehicle import Vehicle
@@ -71,6 +72,9 @@ class CommandRunner:
         self._idle = clock.event()
         self._urgent_ended: list[Signal] = []
         self._lane_ended = clock.event()
+        self._closed = clock.event()
+        self._steered_until = float("-inf")
+        """When the last of what takes a drone out of its landing had left, s."""
         self._idle.set()
         clock.thread(self._run_lane, "commands")
 
@@ -109,13 +113,29 @@ class CommandRunner:
     def _run_urgent(self, order: Order, ended: Signal) -> None:
         """At once; and once more when an older order that was just running can no longer undo it."""
         try:
-            overtaken = not self._idle.is_set()
+            begun, overtaken = self._clock(), not self._idle.is_set()
             self._answer(order)
             if overtaken:
                 self._idle.wait()
                 self._answer(order, again=True)
+            if isinstance(order.command, Land) and begun < self._steered_until + COMMAND_LIFETIME_S:
+                self._land_again(order, order.command.duration)
         finally:
             ended.set()
+
+    def _land_again(self, order: Order, duration: float) -> None:
+        """Order the landing a second time, when no copy of what was sent before is under way.
+
+        The planner takes a GoTo also when it lands. A copy that left before the order to land may come behind
+        it, and one may leave behind it, from a thread that had it in its hands; none comes once the GoTo has
+        ended for :data:`COMMAND_LIFETIME_S`. Nor is then an answer to the first order under way that could be
+        taken for one to the second: this is repeated until the drone has answered it itself, and is the last
+        that the planner hears. A drone that lands goes on with its descent: its planner refuses it.
+        """
+        self._closed.wait(COMMAND_LIFETIME_S)
+        if self.in_force(order):
+            with Caught(lambda error: self._failed(order, error)):
+                self._land_on(order, duration)
 
     def _answer(self, order: Order, again: bool = False) -> None:
         """Carry out `order` and say what came of it. An error of any kind is a failed command."""
@@ -139,11 +159,14 @@ class CommandRunner:
                 link.kick_emergency_stop_watchdog()  # a host that dies in this very moment must stop it too
                 link.arm()
             case TakeOff(height, duration):
-                link.takeoff(height, duration)
+                link.takeoff(height, duration, wanted=lambda: self.in_force(order))
             case GoTo(position, duration):
-                link.go_to(*position, 0.0, duration)
+                try:
+                    link.go_to(*position, 0.0, duration, wanted=lambda: self.in_force(order))
+                finally:
+                    self._steered_until = self._clock()
             case Land(duration):
-                link.land(0.0, duration)
+                link.land(0.0, duration, wanted=lambda: self.in_force(order))
             case Disarm():
                 link.stop_motors()
                 link.disarm()
@@ -152,9 +175,13 @@ class CommandRunner:
         return None
 
     def _carry_out_again(self, order: Order) -> None:
-        """What must be repeated of an urgent order. A descent must not: it would begin anew."""
+        """What must be repeated of an urgent order, at once; of a descent see :meth:`_land_again`."""
         if not isinstance(order.command, Land):
             self._carry_out(order)
+
+    def _land_on(self, order: Order, duration: float) -> None:
+        """Land within `duration` s, unless the drone is landing."""
+        self._link.land(0.0, duration, again=True, wanted=lambda: self.in_force(order))
 
     def _require(self, order: Order) -> None:
         if not self.in_force(order):
@@ -163,6 +190,7 @@ class CommandRunner:
     def close(self) -> None:
         """Wait for what is running (its deadline bounds the wait) and drop what is not."""
         self._oldest_in_force = _NEVER
+        self._closed.set()
         self._waiting.put_nowait(None)
         for ended in (self._lane_ended, *self._urgent_ended):
             ended.wait()

@@ -156,15 +156,15 @@ class DirectLink:
         """As the link's."""
         self._flight.firmware.supervisor.arm(False)
 
-    def takeoff(self, height: float, duration: float) -> None:
+    def takeoff(self, height: float, duration: float, **_wanted: object) -> None:
         """As the link's."""
         self._flight.takeoff(height, duration)
 
-    def go_to(self, x: float, y: float, z: float, _yaw: float, duration: float) -> None:
+    def go_to(self, x: float, y: float, z: float, _yaw: float, duration: float, **_wanted: object) -> None:
         """As the link's."""
         self._flight.go_to(x, y, z, duration)
 
-    def land(self, _height: float, duration: float) -> None:
+    def land(self, _height: float, duration: float, **_wanted: object) -> None:
         """As the link's."""
         self._flight.land(duration)
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from onboard.link import DroneLink
+from onboard.link.strays import COMMAND_LIFETIME_S
 from onboard.timebase import WALL
 from perchhw.flight.actions import CommandRunner
 from perchhw.supervisor import CommandDone, CommandFailed, Order
@@ -39,13 +40,17 @@ class Gate:
         """Blocks."""
         self._block("arm")
 
-    def go_to(self, *_: float) -> None:
+    def go_to(self, *_: float, **_wanted: object) -> None:
         """Blocks."""
         self._block("go_to")
 
-    def takeoff(self, *_: float) -> None:
+    def takeoff(self, *_: float, **_wanted: object) -> None:
         """Does not."""
         self.calls.append("takeoff")
+
+    def land(self, *_: float, again: bool = False, **_wanted: object) -> None:
+        """Does not."""
+        self.calls.append("land again" if again else "land")
 
     def stop_motors(self) -> None:
         """Does not."""
@@ -131,6 +136,52 @@ def test_orders_that_were_taken_back_are_dropped_where_they_wait(gate: Gate, run
     runner.submit(Order(3, TakeOff(2.0, 1.0)))
     gate.let_go.set()
     until(lambda: gate.calls == ["go_to", "go_to ended", "takeoff"])
+
+
+def test_a_landing_is_ordered_again_when_the_go_to_that_it_overtook_has_ended(
+    gate: Gate, runner: CommandRunner
+) -> None:
+    runner.submit(Order(1, GoTo((0.0, 0.0, 1.0), 1.0)))
+    assert gate.entered.wait(WITHIN)
+    runner.retire(2)
+    runner.submit(Order(2, Land(3.0)))
+    until(lambda: gate.calls == ["go_to", "land"])
+    gate.let_go.set()
+    until(lambda: gate.calls == ["go_to", "land", "go_to ended", "land again"])
+
+
+def test_a_landing_is_ordered_again_while_copies_of_a_go_to_may_be_under_way(
+    gate: Gate, runner: CommandRunner
+) -> None:
+    gate.let_go.set()
+    runner.submit(Order(1, GoTo((0.0, 0.0, 1.0), 1.0)))
+    until(lambda: gate.calls == ["go_to", "go_to ended"])
+    runner.submit(Order(2, Land(3.0)))
+    begin = time.monotonic()
+    until(lambda: gate.calls[2:] == ["land", "land again"])
+    assert time.monotonic() - begin >= COMMAND_LIFETIME_S
+
+
+@pytest.mark.parametrize("why", ["old", "overtook another", "taken back", "closed"])
+def test_a_landing_is_ordered_once_where_nothing_can_undo_it(
+    gate: Gate, runner: CommandRunner, why: str
+) -> None:
+    first = Arm() if why == "overtook another" else GoTo((0.0, 0.0, 1.0), 1.0)
+    runner.submit(Order(1, first))
+    assert gate.entered.wait(WITHIN)
+    if why == "old":
+        gate.let_go.set()
+        until(lambda: len(gate.calls) == 2)
+        threading.Event().wait(1.2 * COMMAND_LIFETIME_S)
+    runner.submit(Order(2, Land(3.0)))
+    until(lambda: "land" in gate.calls)
+    gate.let_go.set()
+    if why == "taken back":
+        runner.retire(3)
+    if why == "closed":
+        runner.close()
+    threading.Event().wait(2.0 * COMMAND_LIFETIME_S)
+    assert "land again" not in gate.calls
 
 
 def test_answers_name_their_order(gate: Gate) -> None:

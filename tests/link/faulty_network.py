@@ -34,12 +34,16 @@ class FaultyNetwork(Closing):
     Attributes:
         faults: what goes wrong now; may be exchanged at any time.
         withheld: whether a packet of the client never gets through.
+        drop_replies: whether a packet of the drone never gets through.
+        again_after: s after which a packet of the client comes a second time, or None.
         watch: told of every packet of the client, with the time at which it went on to the drone.
     """
 
     def __init__(self, target_port: int, rng: np.random.Generator, faults: Faults) -> None:
         self.faults = faults
         self.withheld: Callable[[bytes], bool] = lambda _packet: False
+        self.drop_replies: Callable[[bytes], bool] = lambda _packet: False
+        self.again_after: Callable[[bytes], float | None] = lambda _packet: None
         self.watch: Callable[[bytes, float], None] = lambda _packet, _time: None
         self.forwarded = self.lost = self.doubled = self.reordered = 0
         self.frozen = threading.Event()
@@ -88,7 +92,8 @@ class FaultyNetwork(Closing):
                 data = self._back.recv(64)
         except (BlockingIOError, ConnectionRefusedError):
             return
-        if self.frozen.is_set() or (from_client and self.withheld(data)):
+        withheld = self.withheld if from_client else self.drop_replies
+        if self.frozen.is_set() or withheld(data):
             return
         if self._rng.random() < self.faults.loss:
             self.lost += 1
@@ -97,9 +102,13 @@ class FaultyNetwork(Closing):
         if self._rng.random() < self.faults.duplicate:
             self.doubled += 1
             self._schedule(from_client, data)
+        again = self.again_after(data) if from_client else None
+        if again is not None:
+            self.doubled += 1
+            self._schedule(from_client, data, again)
 
-    def _schedule(self, from_client: bool, data: bytes) -> None:
-        due = time.monotonic() + self.faults.delay + self._rng.uniform(0.0, self.faults.jitter)
+    def _schedule(self, from_client: bool, data: bytes, later: float = 0.0) -> None:
+        due = time.monotonic() + later + self.faults.delay + self._rng.uniform(0.0, self.faults.jitter)
         if self._rng.random() < self.faults.reorder:
             self.reordered += 1
             due += self.faults.reorder_delay

@@ -1,6 +1,8 @@
 """Supervisor, arming and flying through the link, against a peer written from the byte tables."""
 
 import struct
+import threading
+from collections.abc import Callable
 from itertools import groupby
 
 import pytest
@@ -8,8 +10,10 @@ import pytest
 from onboard.link import (
     CommandRefused,
     DroneLink,
+    LinkError,
     LinkInputError,
     LinkTimeout,
+    Superseded,
 )
 from tests.link.tiny_drone import TinyDrone
 from tests.patience import PATIENCE_S, until
@@ -104,6 +108,86 @@ def test_a_relative_move_is_sent_once_even_without_an_answer(tiny: TinyDrone, ha
 
     until(lambda: sent(relative=0) > 1)
     assert sent(relative=1) == 1
+
+
+GO_TO, LAND = 12, 8
+
+
+def sent(tiny: TinyDrone, command: int) -> list[int]:
+    """Where among all that the drone heard this command of the planner stands."""
+    return [i for i, r in enumerate(list(tiny.requests)) if r[0] & 0xF3 == 0x80 and r[1] == command]
+
+
+def silent_about(command: int) -> Callable[[bytes], bool]:
+    """Of a drone that answers this command never."""
+    return lambda request: request[0] & 0xF3 == 0x80 and request[1] == command
+
+
+def in_thread(command: Callable[[], None]) -> tuple[threading.Thread, list[LinkError]]:
+    """A command that is given beside the test, and how it failed."""
+    failures: list[LinkError] = []
+
+    def run() -> None:
+        try:
+            command()
+        except LinkError as error:
+            failures.append(error)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    return thread, failures
+
+
+def test_a_newer_command_ends_the_repetitions_of_an_older_one(tiny: TinyDrone, link: DroneLink) -> None:
+    """The planner takes a go-to also when it lands: the copy that comes last wins."""
+    tiny.drop = silent_about(GO_TO)
+    going, failures = in_thread(lambda: link.go_to(1.0, 0.0, 0.5, 0.0, 2.0))
+    until(lambda: len(sent(tiny, GO_TO)) > 1)
+    link.land(0.0, 2.0)
+    going.join(PATIENCE_S)
+    assert [type(failure) for failure in failures] == [Superseded]
+    threading.Event().wait(0.3)
+    landed = sent(tiny, LAND)[0]
+    assert len([at for at in sent(tiny, GO_TO) if at > landed]) <= 1, (
+        "one may have been in its thread's hands"
+    )
+
+
+def test_a_command_that_is_not_wanted_is_not_sent_and_ends_no_other(tiny: TinyDrone, link: DroneLink) -> None:
+    tiny.drop = silent_about(LAND)
+    landing, failures = in_thread(lambda: link.land(0.0, 2.0))
+    until(lambda: sent(tiny, LAND))
+    for command in (
+        lambda: link.go_to(1.0, 0.0, 0.5, 0.0, 2.0, wanted=lambda: False),
+        lambda: link.takeoff(0.5, 2.0, wanted=lambda: False),
+    ):
+        with pytest.raises(Superseded, match="no longer wanted"):
+            command()
+    tiny.drop = lambda _request: False
+    landing.join(PATIENCE_S)
+    assert not failures
+    assert not sent(tiny, GO_TO)
+
+
+def test_repetitions_end_when_they_are_no_longer_wanted(tiny: TinyDrone, link: DroneLink) -> None:
+    tiny.drop = silent_about(GO_TO)
+    wanted = threading.Event()
+    wanted.set()
+    going, failures = in_thread(lambda: link.go_to(1.0, 0.0, 0.5, 0.0, 2.0, wanted=wanted.is_set))
+    until(lambda: len(sent(tiny, GO_TO)) > 1)
+    wanted.clear()
+    going.join(PATIENCE_S)
+    assert [type(failure) for failure in failures] == [Superseded]
+
+
+def test_a_landing_that_is_ordered_again_may_be_under_way(tiny: TinyDrone, link: DroneLink) -> None:
+    tiny.commander_errno = 1
+    link.land(0.0, 2.0, again=True)
+    with pytest.raises(CommandRefused, match="refuses land: error 1"):
+        link.land(0.0, 2.0)
+    tiny.commander_errno = 16
+    with pytest.raises(CommandRefused, match="does not let it fly"):
+        link.land(0.0, 2.0, again=True)
 
 
 def test_emergency_stop_is_repeated_until_the_drone_is_locked(tiny: TinyDrone, link: DroneLink) -> None:
