@@ -50,10 +50,17 @@ class CourseCommands(CommandRunner):
                     self._ended.set()
                     if self._streams:
                         self._link.end_setpoints()
+                        self._steered_until = self._clock()
                 return super()._carry_out(order)
             case _:
                 return super()._carry_out(order)
         return None
+
+    def _land_on(self, order: Order, duration: float) -> None:
+        """A setpoint that came behind the order to land has the drone from the planner: it is over."""
+        if self._streams:
+            self._link.end_setpoints()
+        super()._land_on(order, duration)
 
     def _stream(self) -> None:
         with Caught(self._broken):

@@ -20,13 +20,13 @@ from perchhw.flight.course_commands import CourseCommands
 from perchhw.flight.readback import ReadBack
 from perchhw.lab_process import SimulatedLab
 from perchhw.supervisor import Order
-from perchhw.supervisor.events import GoTo, Land, TakeOff
+from perchhw.supervisor.events import FlyCourse, GoTo, Land, TakeOff
 from perchhw.supervisor.state import Timing
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.patience import patient_link, until
 
 HOVER, ASIDE = 0.6, 1.5
-GO_TO, PLANNER = b"\x0c", 0x80
+GO_TO, PLANNER, SETPOINT = b"\x0c", 0x80, 0x70
 DEADLINE_MS = 1000.0 * (Timing().land + Timing().land_margin)
 LOST_S, DOUBLED_S = 10.0, 0.3
 SOFT = 1.5
@@ -151,6 +151,20 @@ def test_a_copy_of_a_go_to_that_comes_behind_a_landing_does_not_undo_it(network:
         runner.submit(Order(2, GoTo((ASIDE, 0.0, HOVER), 2.0)))
         until(lambda: network.doubled)
         threading.Event().wait(0.05)
+        ordered_ms = flown.time_ms
+        runner.retire(3)
+        runner.submit(Order(3, Land(Timing().land)))
+        assert flown.height_at(ordered_ms + DEADLINE_MS) < 0.1
+        assert flown.fastest_fall < SOFT
+
+
+def test_setpoints_of_a_course_that_come_behind_a_landing_do_not_undo_it(network: FaultyNetwork) -> None:
+    """A setpoint overrules the planner; 2 s after the last one the drone's commander stops the motors."""
+    with hovering(network, of_a_course) as (flown, runner):
+        network.again_after = lambda packet: DOUBLED_S if packet[0] & 0xF3 == SETPOINT else None
+        runner.submit(Order(2, FlyCourse()))
+        until(lambda: network.doubled)
+        threading.Event().wait(0.5)
         ordered_ms = flown.time_ms
         runner.retire(3)
         runner.submit(Order(3, Land(Timing().land)))
