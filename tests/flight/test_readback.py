@@ -1,0 +1,76 @@
+"""Every setting of the drone that could harm a flight is read back before it is armed."""
+
+from typing import Any
+
+import pytest
+
+from onboard.link.errors import LinkTimeout, NoSuchVariable
+from perchhw.flight.readback import LANDING_SETTINGS, OWN_LAW, TEST_FLIGHT_SETTINGS, ReadBack
+
+GOOD = {
+    "stabilizer.controller": 6,
+    "stabilizer.estimator": 2,
+    "powerDist.idleThrust": 0,
+    "motorPowerSet.enable": 0,
+    "perch.ownLaw": 1,
+}
+COMMON = ("stabilizer.estimator", "powerDist.idleThrust", "motorPowerSet.enable")
+NEEDED = {
+    "test flight": (TEST_FLIGHT_SETTINGS, COMMON),
+    "landing": (LANDING_SETTINGS, ("stabilizer.controller", *COMMON)),
+    "landing by our law": ({**LANDING_SETTINGS, **OWN_LAW}, tuple(GOOD)),
+}
+CASES = [(kind, name) for kind, (_, names) in NEEDED.items() for name in names]
+
+
+class Drone:
+    """Answers with these values, or raises them."""
+
+    def __init__(self, **wrong: float | Exception) -> None:
+        self.values: dict[str, float | Exception] = {**GOOD, **wrong}
+
+    def param(self, name: str) -> float:
+        """As the link's."""
+        value = self.values[name]
+        if isinstance(value, Exception):
+            raise value
+        return value
+
+
+def checked(kind: str, **wrong: float | Exception) -> ReadBack:
+    """What is known after the drone was asked."""
+    link: Any = Drone(**wrong)
+    readback = ReadBack()
+    readback.check_settings(link, NEEDED[kind][0])
+    return readback
+
+
+@pytest.mark.parametrize("kind", NEEDED)
+def test_a_drone_that_is_set_as_needed_passes(kind: str) -> None:
+    assert ReadBack().parameters_ok is None, "before it was asked nothing is known"
+    readback = checked(kind)
+    assert readback.parameters_ok is True
+    assert readback.parameters_problem is None
+
+
+@pytest.mark.parametrize(("kind", "name"), CASES)
+def test_one_wrong_setting_is_refused_by_name(kind: str, name: str) -> None:
+    for other in (GOOD[name] + 1, float("nan")):
+        readback = checked(kind, **{name: other})
+        assert readback.parameters_ok is False
+        assert readback.parameters_problem == f"{name} is {other:g}, need {GOOD[name]}"
+
+
+@pytest.mark.parametrize(("kind", "name"), CASES)
+@pytest.mark.parametrize("error", [LinkTimeout("silent"), NoSuchVariable("not there")])
+def test_a_setting_that_is_not_answered_is_refused(kind: str, name: str, error: Exception) -> None:
+    readback = checked(kind, **{name: error})
+    assert readback.parameters_ok is False
+    assert readback.parameters_problem == f"{name} is not known: {error}"
+
+
+def test_all_that_is_wrong_is_told_at_once() -> None:
+    readback = checked("landing", **dict.fromkeys(NEEDED["landing"][1], 9))
+    readback.refuse("another vehicle")
+    assert readback.parameters_problem is not None
+    assert len(readback.parameters_problem.split("; ")) == 5
