@@ -52,6 +52,7 @@ class DroneLink(Closing):
     Attributes:
         uri: where the drone is.
         stop_path: stops the motors whatever else happens on this link, also when it is lost.
+        round_trip: see :meth:`onboard.link.pings.Pings.round_trip`.
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class DroneLink(Closing):
         self.stop_path = StopPath(port, clock)
         self._closing = threading.Event()
         self._pings = Pings(crazyflie, clock)
+        self.round_trip = self._pings.round_trip
         self._watch = threading.Thread(target=self._watch_link, name="DroneLinkWatch", daemon=True)
         self._watch.start()
 

@@ -12,6 +12,7 @@ from onboard.arrays import Quaternion
 from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
 from onboard.timebase import Timebase
+from perchhw.flight.downlink import Downlink
 from perchhw.flight.host_load import Lateness
 from perchhw.flight.readback import ReadBack
 from perchhw.flight.recording import FlightRecorder
@@ -134,17 +135,21 @@ _RATE_NEEDS_S = 1.0
 
 
 class _Latest(NamedTuple):
-    """The newest content of a block: receipt time (s), drone time (ms), values by (topic, field)."""
+    """The newest content of a block: receipt time (s), drone time (ms), by how much it was later than the
+    quickest (s), values by (topic, field)."""
 
     receipt_time: float
     drone_time_ms: int
+    late_s: float
     values: dict[tuple[str, str], float]
 
 
 class Telemetry:
     """Subscribes to the drone's log blocks, records them, and keeps the newest of each.
 
-    A block whose drone time does not advance is not new: a frozen drone's values grow old here.
+    A block whose drone time does not advance is not new: a frozen drone's values grow old here. Nor is one
+    that has waited on its way: by as much as it is later than the quickest it is older, as far as the link's
+    round trips bear that out. A simulated drone on a machine that is too busy falls behind without a wait.
 
     Args:
         link: an open link; `start` opens the log blocks.
@@ -195,17 +200,20 @@ class Telemetry:
             self._link.stream(tuple(block.variables), block.period_ms, receive, halves=halves)
 
     def _receiver(self, index: int, block: TelemetryBlock) -> "Callable[[LogSample], None]":
+        downlink = Downlink()
+
         def receive(sample: "LogSample") -> None:
             self._lateness.note(self._clock() - sample.receipt_time)
             values = {
                 (target.topic, target.name): sample.values[variable] * target.scale
                 for variable, target in block.variables.items()
             }
+            late = downlink.late(sample.receipt_time, sample.drone_time_ms)
             with self._lock:
                 previous = self._latest.get(index)
                 if previous is not None and sample.drone_time_ms <= previous.drone_time_ms:
                     return
-                self._latest[index] = _Latest(sample.receipt_time, sample.drone_time_ms, values)
+                self._latest[index] = _Latest(sample.receipt_time, sample.drone_time_ms, late, values)
                 self._first.setdefault(index, self._latest[index])
             self._record(sample.receipt_time, sample.drone_time_ms, values)
 
@@ -230,7 +238,8 @@ class Telemetry:
         latest = self._latest.get(self._block_of.get((topic, name), -1))
         if latest is None:
             return None, None
-        return latest.values[topic, name], self._clock() - latest.receipt_time
+        waited = min(latest.late_s, self._link.round_trip()) if latest.late_s > 0.0 else 0.0
+        return latest.values[topic, name], self._clock() - latest.receipt_time + waited
 
     def drone_clock_rate(self) -> float | None:
         """Seconds of the drone's clock in a second of the flight's, over all that came; ``None``: too little.

@@ -169,6 +169,10 @@ class Airborne(Closing):
         self.host.stdin.flush()
         self._wait_for("phase", until)
 
+    def reaches(self, phase: str) -> dict[str, Any]:
+        """Wait until the flight is in this phase, too."""
+        return self._wait_for("phase", phase)
+
     def key(self) -> float:
         """Press a key; when, on the monotonic clock, s.
 

@@ -43,7 +43,9 @@ def say(**what: object) -> None:
     sys.stdout.flush()
 
 
-def hover(drone: str, mocap: str, folder: Path, limits: SafetyLimits, hang_s: float = 0.0) -> FlightState:
+def hover(
+    drone: str, mocap: str, folder: Path, limits: SafetyLimits, start_x: float, hang_s: float = 0.0
+) -> FlightState:
     """Fly until stopped; the supervisor's last state."""
 
     def on_phase(state: FlightState) -> None:
@@ -60,7 +62,7 @@ def hover(drone: str, mocap: str, folder: Path, limits: SafetyLimits, hang_s: fl
             mocap=mocap,
             mission=Mission(
                 policy_crc=0,
-                start=(0.0, 0.0, HOVER),
+                start=(start_x, 0.0, HOVER),
                 hover_height=HOVER,
                 approach_duration=0.0,
                 test_flight=True,
@@ -82,14 +84,17 @@ def main() -> None:
     parser.add_argument("--drone", required=True)
     parser.add_argument("--mocap", required=True)
     parser.add_argument("--pose-age", type=float, default=LIMITS.pose_age_bridged, help="limit in flight, s")
+    parser.add_argument("--telemetry-age", type=float, default=LIMITS.telemetry_age, help="limit, s")
+    parser.add_argument("--start-x", type=float, default=0.0, help="where it moves to, m")
     arguments = parser.parse_args()
-    limits = replace(LIMITS, pose_age_bridged=arguments.pose_age)
+    limits = replace(LIMITS, pose_age_bridged=arguments.pose_age, telemetry_age=arguments.telemetry_age)
     say(ready=True)
     for line in sys.stdin:
         folder, *hang = line.split()
         try:
             hang_s = float(hang[0]) if hang else 0.0
-            state = hover(arguments.drone, arguments.mocap, Path(folder), limits, hang_s)
+            start_x = arguments.start_x
+            state = hover(arguments.drone, arguments.mocap, Path(folder), limits, start_x, hang_s)
         except PerchhwError as error:
             say(ended=True, refused=str(error))
         else:

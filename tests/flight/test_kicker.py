@@ -1,6 +1,5 @@
 """The drone's watchdog is kicked as long as the supervisor's heart beats, and no longer."""
 
-import threading
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -8,41 +7,11 @@ from typing import Any
 import pytest
 
 from onboard.link.errors import LinkLost
-from onboard.timebase import Event, WallTime
 from perchhw.flight.kicker import HEART_S, KICK_PERIOD, WatchdogKicker
+from tests.stepped_time import Stepping
 
 RUN_S = 2.0
 SOME_US = 1e-6
-
-
-class Stepping(WallTime):
-    """Goes on by what is waited for. Its threads are run by the test, and end with their time."""
-
-    def __init__(self, at: Callable[[float], None]) -> None:
-        self.now = 0.0
-        self.at = at
-        self.run: Callable[..., object] = lambda: None
-        super().__init__(lambda: self.now)
-
-    def thread(self, target: Callable[..., object], name: str, *args: object) -> threading.Thread:
-        """Not started."""
-        self.run = target
-        return threading.Thread()
-
-    def event(self) -> Event:
-        """One whose waits move time; it is set when that is over."""
-        return _Stepped(self)
-
-
-class _Stepped(threading.Event):
-    def __init__(self, time: Stepping) -> None:
-        super().__init__()
-        self._time = time
-
-    def wait(self, timeout: float | None = None) -> bool:
-        self._time.now += timeout or 0.0
-        self._time.at(self._time.now)
-        return self.is_set() or self._time.now > RUN_S
 
 
 class Drone:
@@ -64,7 +33,7 @@ def kicked(beats: Callable[[WatchdogKicker, float], None]) -> tuple[Drone, Watch
     """What came of :data:`RUN_S` with a heart that beats like this: called before every look at it."""
     drone = Drone()
     link: Any = drone
-    time = Stepping(lambda now: beats(kicker, now))
+    time = Stepping(RUN_S, lambda now: beats(kicker, now))
     drone.clock = time
     kicker = WatchdogKicker(link, time)
     with kicker:
@@ -103,7 +72,7 @@ def test_an_error_of_ours_is_told_and_a_lost_link_is_not(error: Exception, told:
     drone = Drone()
     drone.fails = error
     link: Any = drone
-    time = Stepping(lambda _now: kicker.beat(True))
+    time = Stepping(RUN_S, lambda _now: kicker.beat(True))
     kicker = WatchdogKicker(link, time)
     with kicker:
         time.run()

@@ -23,6 +23,8 @@ class Faults:
     duplicate: float = 0.0
     reorder: float = 0.0
     delay: float = 0.0
+    downlink: float = 0.0
+    """Beyond that, of the drone's packets alone."""
     jitter: float = 0.0
     """Longest delay beyond that, uniform from 0: packets overtake each other."""
     reorder_delay: float = 0.005
@@ -108,7 +110,8 @@ class FaultyNetwork(Closing):
             self._schedule(from_client, data, again)
 
     def _schedule(self, from_client: bool, data: bytes, later: float = 0.0) -> None:
-        due = time.monotonic() + later + self.faults.delay + self._rng.uniform(0.0, self.faults.jitter)
+        later += self.faults.delay + (0.0 if from_client else self.faults.downlink)
+        due = time.monotonic() + later + self._rng.uniform(0.0, self.faults.jitter)
         if self._rng.random() < self.faults.reorder:
             self.reordered += 1
             due += self.faults.reorder_delay
