@@ -188,7 +188,7 @@ def test_rate_and_latency_are_as_set_and_reported():
         samples = [stream.read(PATIENCE_S) for _ in range(200)]
     span = samples[-1].capture_time - samples[0].capture_time
     assert (samples[-1].frame - samples[0].frame) / span == pytest.approx(200.0, rel=0.25)
-    # A busy machine adds to it, and reports that; more than what can be believed of a Vicon counts as unknown.
+    # A busy machine adds to it, and reports that; more than can be believed of a Vicon counts as unknown.
     assert min(sample.latency for sample in samples if sample.latency is not None) >= 0.010
 
 
