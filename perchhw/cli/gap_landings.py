@@ -85,26 +85,26 @@ def landings_command(
     with share_done("simulating") as simulated:
         parameters = physics_parameters(model, RoomGeometry())
         found = forecast(prepared, parameters, lambda share: simulated(share, 1.0))
-    report = landing_report(prepared, found, real, model.name, seed, refused)
+    report = landing_report(prepared, found, real, model, seed, refused)
     if search:
         try:
             with share_done("searching") as searched:
-                report = search_report(report, model, lambda share: searched(share, 1.0))
+                report = search_report(report, lambda share: searched(share, 1.0))
         except KeyboardInterrupt:
             say(progress_console(), "stopping the search, which was not finished: this is known without it")
-            _give(report, model, out)
+            _give(report, out)
             raise
-    _give(report, model, out)
+    _give(report, out)
 
 
-def _give(report: "LandingReport", vehicle: "Vehicle", out: Path | None) -> None:
+def _give(report: "LandingReport", out: Path | None) -> None:
     """Write what was found, tell it, and draw its page, which takes seconds: whoever ends it has all else."""
     if out is not None:
-        _write(report, vehicle, out)
+        _write(report, out)
     emit(report, lambda: _tell(report, out))
     if out is not None:
         say(progress_console(), f"drawing {out / _PAGE}")
-        _draw(report, vehicle, out)
+        _draw(report, out)
 
 
 _REASONS = 3  # that an error tells
@@ -141,31 +141,28 @@ def _outcome(flight: "Flight", labels: "dict[Path, Outcome]", vehicle: "Vehicle"
 _DOCUMENT, _PAGE = "landings.json", "landings.html"
 
 
-def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> None:
+def _write(report: "LandingReport", folder: Path) -> None:
     import json
 
-    from calibration.gap.landings.outcomes.verdict import improved_vehicle
     from calibration.gap.report.improved_vehicle import write_vehicle
     from onboard.record.folder import OutputFolderError
 
-    found = report.search
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / _DOCUMENT).write_text(json.dumps(as_json(report), indent=1) + "\n", encoding="utf-8")
-        if found is not None and found.named:
-            source = f"gap landings: outcomes of {len(report.real)} flights, seed {report.seed}"
-            write_vehicle(improved_vehicle(vehicle, found, source), folder)
+        if report.improved is not None:
+            write_vehicle(report.improved.vehicle, folder)
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error
 
 
-def _draw(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> None:
+def _draw(report: "LandingReport", folder: Path) -> None:
     from calibration.gap.report.landings_page import landings_page
     from onboard.record.folder import OutputFolderError
     from onboard.room import RoomGeometry
     from sim_backend.physics.parameters import physics_parameters
 
-    page = landings_page(report, physics_parameters(vehicle, RoomGeometry()))
+    page = landings_page(report, physics_parameters(report.vehicle, RoomGeometry()))
     try:
         (folder / _PAGE).write_text(page, encoding="utf-8")
     except OSError as error:
@@ -207,13 +204,11 @@ def _tell(report: "LandingReport", folder: Path | None) -> None:
         _tell_search(report.search)
     for item in report.unused:
         say(progress_console(), f"not judged: {item.name}: {item.reason}")
-    for sentence in report.words:
+    for sentence in (*report.words, *report.prospects):
         say(screen, sentence)
-    if report.expectation is not None:
-        say(screen, report.expectation.words)
     if folder is None:
         return
-    if report.search is not None and report.search.named:
+    if report.improved is not None:
         screen.print(f"vehicle with it: {folder / VEHICLE_FILE}", markup=False, soft_wrap=True)
     screen.print(f"document: {folder / _DOCUMENT}", markup=False, soft_wrap=True)
     screen.print(f"page: {folder / _PAGE}", markup=False, soft_wrap=True)

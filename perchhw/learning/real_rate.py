@@ -26,15 +26,16 @@ def known_error(setup: LearningSetup, landings: Path | None) -> ModelError | Non
 
     Args:
         setup: vehicle and legs.
-        landings: ``landings.json`` of a lab's own flights with this vehicle; None: the authors'.
+        landings: ``landings.json`` of a lab's own flights, with this vehicle or the one from which it was
+            found; None: the authors'.
 
     Raises:
         LearningInputError: the file cannot be read.
-        ModelErrorFileError: it does not say.
+        ModelErrorFileError: it does not say, or of another vehicle.
     """
     if landings is not None:
-        document = read_landings(landings)
-        return ModelError.from_document(document, str(landings))
+        vehicle: str = setup.describe()["vehicle_sha256"]
+        return ModelError.from_document(read_landings(landings), vehicle, str(landings))
     own_legs = setup.legs is None and setup.leg_angle_deg is None and setup.leg_length_m is None
     return AUTHORS_ERROR if setup.vehicle == DEFAULT_VEHICLE and own_legs else None
 

@@ -68,7 +68,26 @@ def test_attempts_that_do_not_flip_do_not_land() -> None:
 
 def test_the_document_carries_the_error() -> None:
     simulated, real = flights(28, -1.0, 5)
-    document = {"expectation": as_json(judged_expectation(simulated, real, np.random.default_rng(0)))}
-    assert ModelError.from_document(document, "landings.json") == model_error(simulated, real)
+    judged = as_json(judged_expectation(simulated, real, np.random.default_rng(0)))
+    document = {"vehicle_sha256": "own", "expectation": judged, "improved": None}
+    assert ModelError.from_document(document, "own", "landings.json") == model_error(simulated, real)
     with pytest.raises(ModelErrorFileError, match=r"landings.json: has no expectation.model_error"):
-        ModelError.from_document({"expectation": None}, "landings.json")
+        ModelError.from_document({**document, "expectation": None}, "own", "landings.json")
+
+
+def test_the_error_of_one_vehicle_is_none_of_another() -> None:
+    """A document has that of the vehicle as it was filed, and of the one that was written."""
+    kind, right = (
+        as_json(judged_expectation(*flights(28, offset, 5), np.random.default_rng(0)))
+        for offset in (-2.0, 0.0)
+    )
+    improved = {"vehicle_sha256": "written", "expectation": right}
+    document = {"vehicle": "cf", "vehicle_sha256": "filed", "expectation": kind, "improved": improved}
+    filed, written = (ModelError.from_document(document, one, "x") for one in ("filed", "written"))
+    assert filed == model_error(*flights(28, -2.0, 5))
+    assert written == model_error(*flights(28, 0.0, 5))
+    for other in (document, {**document, "improved": None}, {"expectation": kind}):
+        with pytest.raises(
+            ModelErrorFileError, match=r"x: .* another vehicle \((cf|it does not say which)\)"
+        ):
+            ModelError.from_document(other, "third", "x")

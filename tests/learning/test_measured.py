@@ -48,11 +48,15 @@ def test_whose_error_is_known(tmp_path: Path) -> None:
     assert known_error(LearningSetup(legs="wide-long"), None) is None
     assert known_error(LearningSetup(vehicle="crazyflie21-upgraded-stored"), None) is None
     own = tmp_path / "landings.json"
-    own.write_text(json.dumps({"schema": SCHEMA, "expectation": {"model_error": as_json(AUTHORS_ERROR)}}))
-    assert known_error(LearningSetup(legs="wide-long"), own) == AUTHORS_ERROR
-    own.write_text(json.dumps({"schema": SCHEMA}))
-    with pytest.raises(ModelErrorFileError, match="expectation"):
+    flown = LearningSetup(legs="wide-long")
+    vehicle = {"schema": SCHEMA, "vehicle_sha256": flown.describe()["vehicle_sha256"]}
+    own.write_text(json.dumps({**vehicle, "expectation": {"model_error": as_json(AUTHORS_ERROR)}}))
+    assert known_error(flown, own) == AUTHORS_ERROR
+    with pytest.raises(ModelErrorFileError, match="another vehicle"):
         known_error(LearningSetup(), own)
+    own.write_text(json.dumps(vehicle))
+    with pytest.raises(ModelErrorFileError, match="has no expectation"):
+        known_error(flown, own)
     with pytest.raises(LearningInputError, match="cannot be read"):
         known_error(LearningSetup(), tmp_path / "none.json")
 

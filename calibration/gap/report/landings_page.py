@@ -53,7 +53,7 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
     """
     with report_style():
         body = "".join(_sections(report, parameters))
-    title = f"Landings of {report.vehicle}: predicted and real"
+    title = f"Landings of {report.vehicle.name}: predicted and real"
     draws = f"{report.forecast.draws} simulated landings each"
     return page(title, f"{len(report.real)} flights, {draws}, seed {report.seed}", body)
 
@@ -61,8 +61,8 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
 def _sections(report: LandingReport, parameters: Any) -> Iterator[str]:
     yield section("What the simulation expects, and what happened", _outcomes(report), _NOTE)
     yield section("What the simulation lacks", _verdict(report))
-    if report.expectation is not None:
-        yield section("What to expect of the next flights", escape(report.expectation.words))
+    if report.prospects:
+        yield section("What to expect of the next flights", "<br>".join(map(escape, report.prospects)))
     if report.score is not None:
         yield section("How good the probabilities are", _scores(report.score))
         drawn = svg(reliability_diagram(report.score), "Share of four legs against their probability")

@@ -18,11 +18,12 @@ from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.tables import tabulate
 from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid
-from calibration.gap.landings.outcomes.verdict import in_words, judge_outcomes
+from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words, judge_outcomes
 from onboard.arrays import IntArray
 from onboard.errors import InputError
 from onboard.outcome import Outcome
-from onboard.vehicle import Vehicle
+from onboard.vehicle import Vehicle, vehicle_to_toml
+from onboard.vehicle.fingerprint import fingerprint
 
 SCHEMA = "perchhw.gap_landings/1"
 
@@ -35,20 +36,39 @@ class TooFewFlightsError(CalibrationError, InputError):
 
 
 @dataclass(frozen=True)
+class ImprovedVehicle:
+    """The vehicle with what a search found.
+
+    Attributes:
+        vehicle: as it is written.
+        expectation: of more flights like these, with this vehicle: from what its model says of each flight
+            without having seen it.
+    """
+
+    vehicle: Vehicle
+    expectation: JudgedExpectation
+
+    def json_shape(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {"vehicle_sha256": _sha256(self.vehicle), "expectation": self.expectation}
+
+
+@dataclass(frozen=True)
 class LandingReport:
     """Predictions beside what happened.
 
     Attributes:
-        vehicle: name. seed: of the draws.
+        vehicle: the model. seed: of the draws.
         prepared: the flights. forecast: what the vehicle expects of them, in the same order.
         real: outcome of each, None where nobody classified it.
         score: of the classified ones; None when there are fewer than LEAST_FLIGHTS.
         expectation: of more flights like these, with this vehicle; None likewise.
-        search: which effects are missing; None: not asked.
         unused: flights that are not judged.
+        search: which effects are missing; None: not asked.
+        improved: the vehicle with what the search named; None where it named nothing.
     """
 
-    vehicle: str
+    vehicle: Vehicle
     seed: int
     prepared: PreparedLandings
     forecast: OutcomeForecast
@@ -57,6 +77,7 @@ class LandingReport:
     expectation: JudgedExpectation | None
     unused: tuple[NotUsed, ...]
     search: OutcomeSearch | None = None
+    improved: ImprovedVehicle | None = None
 
     @property
     def launch(self) -> MeasuredLaunch | None:
@@ -82,6 +103,18 @@ class LandingReport:
             )
         return in_words(self.verdict, self.score, self.search)
 
+    @property
+    def prospects(self) -> tuple[str, ...]:
+        """What to expect of more flights, for people: of the vehicle as it is, and as it is written."""
+        if self.expectation is None:
+            return ()
+        if self.improved is None:
+            return (self.expectation.words,)
+        return (
+            f"as filed: {self.expectation.words}",
+            f"with what was found: {self.improved.expectation.words}",
+        )
+
     def json_shape(self) -> dict[str, Any]:
         """The document ``perchhw.gap_landings/1``."""
         flips = self.prepared.flips
@@ -90,12 +123,14 @@ class LandingReport:
             "schema": SCHEMA,
             "verdict": self.verdict,
             "says": self.words,
-            "vehicle": self.vehicle,
+            "vehicle": self.vehicle.name,
+            "vehicle_sha256": _sha256(self.vehicle),
             "seed": self.seed,
             "draws": self.forecast.draws,
             "flights": [self._flight(index) for index in range(len(self.real))],
             "score": self.score,
             "expectation": self.expectation,
+            "improved": self.improved,
             "dispersion": self.prepared.dispersion,
             "launch": self.launch,
             "flip": {
@@ -128,7 +163,7 @@ def landing_report(
     prepared: PreparedLandings,
     found: OutcomeForecast,
     real: Sequence[Outcome | None],
-    vehicle: str,
+    vehicle: Vehicle,
     seed: int,
     unreadable: Sequence[NotUsed] = (),
 ) -> LandingReport:
@@ -137,7 +172,7 @@ def landing_report(
     Args:
         prepared: the flights. found: what the model expects of them.
         real: outcomes in the order of the starts.
-        vehicle: its name. seed: of the draws; the bootstrap has a stream of its own.
+        vehicle: the model. seed: of the draws; the bootstrap has a stream of its own.
         unreadable: files that hold no flight.
     """
     rows, known = classified(real)
@@ -171,9 +206,7 @@ def require_searchable(real: Sequence[Outcome | None]) -> None:
         )
 
 
-def search_report(
-    report: LandingReport, vehicle: Vehicle, progress: Callable[[float], None] = lambda _: None
-) -> LandingReport:
+def search_report(report: LandingReport, progress: Callable[[float], None] = lambda _: None) -> LandingReport:
     """The report with a search for what the vehicle lacks.
 
     `progress` is called with the share done, 0..1.
@@ -183,13 +216,28 @@ def search_report(
     """
     require_searchable(report.real)
     rows, known = classified(report.real)
-    filed = filed_point(vehicle)
-    bare = bare_parameters(vehicle)
+    filed = filed_point(report.vehicle)
+    bare = bare_parameters(report.vehicle)
     points = grid(bare, filed)
     table = tabulate(report.prepared, bare, points, progress)[:, rows]
     rng = np.random.default_rng([report.seed, 2])
     found = search_outcomes(points, table, known, report.forecast.draws, rng, filed)
-    return replace(report, search=found)
+    return replace(report, search=found, improved=_improved(report, found, known))
+
+
+def _improved(report: LandingReport, found: OutcomeSearch, known: IntArray) -> ImprovedVehicle | None:
+    """With what to expect of it: what flights say of the vehicle as filed is no error of this one."""
+    if not found.named:
+        return None
+    source = f"gap landings: outcomes of {known.size} flights, seed {report.seed}"
+    expected = judged_expectation(
+        found.best.left_out[:, FOUR], known == FOUR, np.random.default_rng([report.seed, 5])
+    )
+    return ImprovedVehicle(improved_vehicle(report.vehicle, found, source), expected)
+
+
+def _sha256(vehicle: Vehicle) -> str:
+    return fingerprint(vehicle_to_toml(vehicle))
 
 
 def _rms(values: Iterable[float]) -> float | None:

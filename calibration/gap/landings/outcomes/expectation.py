@@ -71,14 +71,30 @@ class ModelError:
         }
 
     @classmethod
-    def from_document(cls, document: Mapping[str, Any], where: str) -> Self:
+    def from_document(cls, document: Mapping[str, Any], vehicle_sha256: str, where: str) -> Self:
         """From a document ``perchhw.gap_landings/1``; `where` names it in errors.
 
+        Such a document judges the vehicle that was given, and the one that was written where a search found
+        something. The error of one is none of the other: it would be corrected twice.
+
+        Args:
+            document: its content. vehicle_sha256: whose error is wanted
+                (:func:`onboard.vehicle.fingerprint.fingerprint`). where: names the document.
+
         Raises:
-            ModelErrorFileError: it has none.
+            ModelErrorFileError: it has none of this vehicle.
         """
+        judged = [document, document.get("improved") or {}]
+        own = [one for one in judged if one.get("vehicle_sha256") == vehicle_sha256]
+        if not own:
+            raise ModelErrorFileError(
+                f"{where}: how wrong the simulation is was found with another vehicle "
+                f"({document.get('vehicle', 'it does not say which')}) than the one that is given: give "
+                "--vehicle and --legs as to gap landings, or the vehicle.toml that was written with this "
+                "file; or run perchhw gap landings again, with this vehicle"
+            )
         try:
-            found = document["expectation"]["model_error"]
+            found = own[0]["expectation"]["model_error"]
             pairs = [found["offset"], found["slope"]]
             return cls(
                 (float(pairs[0]["value"]), float(pairs[1]["value"])),

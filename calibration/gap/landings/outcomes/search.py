@@ -142,7 +142,7 @@ class ModelFit:
         groups: what it leaves open.
         left_one_out: score on flights that it did not see.
         halves: likewise, each half predicted from the other, SPLITS times.
-        brier: left one out, by flight (n,).
+        left_out: what it says of each flight from the others (n, 3). brier: of that, by flight (n,).
         values: posterior mean, standard deviation and 95 % interval by coordinate.
         shares: posterior of the vehicles of the whole grid (points,).
         log_evidence: ln of the mean probability, over the vehicles that it leaves open, of what happened.
@@ -151,6 +151,7 @@ class ModelFit:
     groups: tuple[str, ...]
     left_one_out: Score
     halves: HalfScore
+    left_out: FloatArray
     brier: FloatArray
     values: dict[str, Estimate]
     shares: FloatArray
@@ -323,6 +324,7 @@ def _fit(
         groups=groups,
         left_one_out=score(left, real, draws, rng),
         halves=_halves(own, own_logs, real, rng),
+        left_out=left,
         brier=brier(left, real),
         values={name: _moments(points[rows, axis], share) for name, axis in free.items()},
         shares=shares,

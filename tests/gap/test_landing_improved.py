@@ -1,0 +1,70 @@
+"""The vehicle that a search writes, and the document beside it: what is to be expected of which vehicle."""
+
+import json
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
+from calibration.gap.landings.outcomes.vehicles import HINGES, Point
+from perchhw.cli.main import run
+from perchhw.learning.real_rate import known_error
+from perchhw.learning.setup import LearningSetup
+from tests.truth.landings.drone import Drone
+from tests.truth.landings.judge import HINGES as DAMPED
+from tests.truth.landings.judge import VEHICLE
+from tests.truth.landings.outcomes import write_outcomes
+
+POINTS = [Point(*hinge, *pad) for hinge, pad in product(HINGES[:3:2], [(0.0, 0.0), (0.6, 0.2), (0.9, 0.2)])]
+PADS = Drone(stiffness=DAMPED.stiffness, damping=DAMPED.damping, capture=0.9, capture_spread=0.2)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the command writes of ten landings with pads that the vehicle file does not have; nobody said how
+    the last one ended."""
+    folder: Path = tmp_path_factory.mktemp("pads")
+    write_outcomes(PADS, 10, 1, folder / "f", folder / "answer.json")
+    labels = folder / "f" / "labels.csv"
+    labels.write_text("\n".join(labels.read_text(encoding="utf-8").splitlines()[:-1]) + "\n")
+    command = ["gap", "landings", "--data", str(folder / "f"), "--vehicle", VEHICLE, "--draws", "20"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("calibration.gap.landings.outcomes.document.grid", lambda *_: tuple(POINTS))
+        assert run([*command, "--search", "--out", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+def document(found: Path) -> dict[str, Any]:
+    return dict(json.loads((found / "landings.json").read_text(encoding="utf-8")))
+
+
+def test_the_error_of_the_vehicle_as_filed_is_not_applied_to_the_one_that_was_found(found: Path) -> None:
+    """Feet that always hold promise far too much; the vehicle that was written does not, and each has its
+    own error in the document."""
+    corrected = LearningSetup(vehicle=str(found / "vehicle.toml"))
+    before = known_error(LearningSetup(vehicle=VEHICLE), found / "landings.json")
+    after = known_error(corrected, found / "landings.json")
+    assert before is not None
+    assert after is not None
+    assert before.mean[0] < -0.7
+    assert abs(after.mean[0]) < 0.5 * abs(before.mean[0])
+    assert after.mean[1] > before.mean[1] + 0.3
+    assert document(found)["improved"]["expectation"]["model_error"]["offset"]["value"] == after.mean[0]
+
+
+def test_a_document_of_another_vehicle_is_refused(found: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for other in (LearningSetup(), LearningSetup(vehicle=str(found / "vehicle.toml"), legs="wide-long")):
+        with pytest.raises(ModelErrorFileError, match=f"another vehicle \\({VEHICLE}\\)"):
+            known_error(other, found / "landings.json")
+    command = ["learn", "validate", "--policy", "default", "--landings", str(found / "landings.json")]
+    assert run([*command, "--out", str(found / "validated")]) == 2
+    assert "vehicle.toml that was written with this file" in " ".join(capsys.readouterr().err.split())
+    assert not (found / "validated").exists()
+
+
+def test_the_source_of_a_number_counts_the_flights_that_are_classified(found: Path) -> None:
+    assert len(document(found)["flights"]) == 10
+    assert document(found)["score"]["flights"] == 9
+    assert "outcomes of 9 flights" in (found / "vehicle.toml").read_text(encoding="utf-8")
