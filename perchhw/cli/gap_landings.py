@@ -221,14 +221,18 @@ def _tell_search(found: "OutcomeSearch") -> None:
     columns = ("open", "Brier, left one out", "base", "from the other half", "base", "AUC of four", "values")
     table = Table(*columns, box=None, pad_edge=False)
     for fit in found.fits:
-        one, half = fit.left_one_out, fit.halves
+        left_out, half = fit.left_one_out, fit.halves
         values = ", ".join(
-            f"{name} {mean:.3g} +- {sigma:.2g}" for name, (mean, sigma, _) in fit.values.items()
+            f"{name} {one.mean:.3g} +- {one.sigma:.2g}{' (at bound)' if one.at_bound else ''}"
+            for name, one in fit.values.items()
         )
         scores = (
-            f"{value:.3f}" for value in (one.brier, one.brier_base_rate, half.brier, half.brier_base_rate)
+            f"{value:.3f}"
+            for value in (left_out.brier, left_out.brier_base_rate, half.brier, half.brier_base_rate)
         )
-        table.add_row(fit.name, *scores, "" if one.auc_four is None else f"{one.auc_four:.2f}", values)
+        table.add_row(
+            fit.name, *scores, "" if left_out.auc_four is None else f"{left_out.auc_four:.2f}", values
+        )
     screen.print(table)
     for group, gain in found.gains.items():
         verdict = (

@@ -91,8 +91,8 @@ def test_a_lab_is_told_what_its_vehicle_file_lacks(few: list[Judged]) -> None:
     assert "(filed 0)" in sentences[0]
     better = improved_vehicle(load_vehicle(VEHICLE), found, "a test")
     effects = {effect.name: effect.values() for effect in better.effects}
-    mean, _, _ = found.best.values["speed"]
-    _, _, (low, high) = found.values["speed"]
+    mean = found.best.values["speed"].mean
+    low, high = found.values["speed"].ci95
     assert effects["pad_capture"]["speed"] == pytest.approx(mean)
     assert low <= PADS.capture <= high
     assert filed_point(better).speed == pytest.approx(mean)

@@ -68,3 +68,9 @@ def test_the_source_of_a_number_counts_the_flights_that_are_classified(found: Pa
     assert len(document(found)["flights"]) == 10
     assert document(found)["score"]["flights"] == 9
     assert "outcomes of 9 flights" in (found / "vehicle.toml").read_text(encoding="utf-8")
+
+
+def test_the_page_says_what_runs_into_the_end_of_what_was_tried(found: Path) -> None:
+    values = document(found)["search"]["models"]
+    assert any(one["at_bound"] for model in values for one in model["values"].values())
+    assert "(at bound)" in (found / "landings.html").read_text(encoding="utf-8")

@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from calibration.gap.data.found_effect import Verdict
 from calibration.gap.landings.outcomes.pad_laws import pad_laws
-from calibration.gap.landings.outcomes.search import LAWS, OutcomeSearch, search_outcomes
+from calibration.gap.landings.outcomes.search import LAWS, OutcomeSearch, estimate_of, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import (
     WITHOUT,
     bare_parameters,
@@ -15,7 +16,7 @@ from calibration.gap.landings.outcomes.vehicles import (
     grid,
     with_point,
 )
-from calibration.gap.landings.outcomes.verdict import improved_vehicle
+from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words
 from onboard.json_file import as_json
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
@@ -76,7 +77,7 @@ def test_what_has_no_name_but_bends_a_value_widens_its_interval() -> None:
     assert found.named == ("pads",)
     assert found.best.groups == ("pads",)
     assert found.best.values["speed"][0] > 1.3  # sure of it
-    mean, sigma, (least, most) = found.values["speed"]
+    mean, sigma, (least, most), _ = found.values["speed"]
     assert least <= 0.6
     assert most >= 1.4
     assert 0.6 < mean < 1.4
@@ -86,6 +87,45 @@ def test_what_has_no_name_but_bends_a_value_widens_its_interval() -> None:
     assert written.sigma is not None
     assert written.sigma >= sigma
     assert abs(written.value - 0.6) < 4.0 * written.sigma
+
+
+@pytest.mark.parametrize(
+    ("name", "levels", "shares", "ends"),
+    [
+        ("speed", (0.0, 1.5, 2.0), (0.5, 0.44, 0.06), (2.0,)),
+        ("speed", (0.0, 1.5, 2.0), (0.5, 0.46, 0.04), ()),
+        ("damping", (1.0, 8.0, 16.0), (0.1, 0.1, 0.8), (1.0, 16.0)),
+        ("reach", (0.3, 0.64, 1.0), (0.1, 0.1, 0.8), (0.3,)),
+        ("angle", (0.4, 1.0, np.pi), (0.1, 0.1, 0.8), (0.4,)),
+        ("top", (0.0, 0.01), (0.1, 0.9), ()),
+    ],
+)
+def test_a_posterior_that_runs_into_the_end_of_its_ladder_says_so(
+    name: str, levels: tuple[float, ...], shares: tuple[float, ...], ends: tuple[float, ...]
+) -> None:
+    """Not where there is nothing beyond: no limit, the whole propeller; and a few hulls are no ladder."""
+    found = estimate_of(name, np.array(levels), np.array(shares))
+    assert (found.ends, found.at_bound) == (ends, bool(ends))
+
+
+def test_a_lab_is_told_that_what_it_lacks_may_lie_beyond_what_was_tried() -> None:
+    found = searched(KNOWS, RATES_ALONE)  # 0.6 m/s is the most that these vehicles have
+    (said, *_) = in_words(Verdict.EFFECTS_FOUND, found.fits[0].left_one_out, found)
+    assert "pad_capture.speed 0.6 " in said
+    assert "m/s (filed 0; runs to 0.6, the end of what was tried: it may lie beyond)" in said
+    assert as_json(found)["effects"][0]["parameters"]["speed"]["at_bound"] is True
+    better = improved_vehicle(load_vehicle("crazyflie21-upgraded-stored"), found, "a test")
+    written = next(e for e in better.effects if e.name == "pad_capture").parameters["speed"]
+    assert written.source == "a test; at the end of what was tried, may lie beyond"
+
+
+def test_pads_that_hold_only_what_comes_fast_are_among_the_vehicles() -> None:
+    """And landings are simulated at limits beyond every mean, so that a spread has two sides."""
+    vehicle = load_vehicle("crazyflie21-upgraded")
+    bare = bare_parameters(vehicle)
+    assert {point.speed for point in grid(bare, filed_point(vehicle))} >= {1.75, 2.0, 2.5}
+    pads = pad_laws(bare)["pads"]
+    assert max(pads.limits) > max(pads.means)
 
 
 def test_no_law_is_named_where_none_helps() -> None:

@@ -114,14 +114,16 @@ def _verdict(report: LandingReport) -> str:
 def _search(found: OutcomeSearch) -> str:
     rows = []
     for fit in found.fits:
-        one, half = fit.left_one_out, fit.halves
+        left_out, half = fit.left_one_out, fit.halves
         values = ", ".join(
-            f"{name} {mean:.3g} &plusmn; {sigma:.2g}" for name, (mean, sigma, _) in fit.values.items()
+            f"{name} {one.mean:.3g} &plusmn; {one.sigma:.2g}{' (at bound)' if one.at_bound else ''}"
+            for name, one in fit.values.items()
         )
         scores = [
-            f"{value:.2f}" for value in (one.brier, one.brier_base_rate, half.brier, half.brier_base_rate)
+            f"{value:.2f}"
+            for value in (left_out.brier, left_out.brier_base_rate, half.brier, half.brier_base_rate)
         ]
-        auc = "" if one.auc_four is None else f"{one.auc_four:.2f}"
+        auc = "" if left_out.auc_four is None else f"{left_out.auc_four:.2f}"
         rows.append([fit.name, *scores, auc, values])
     header = ["open", "Brier, left one out", "base rate", "from halves", "base rate", "AUC of four", "values"]
     return table(header, rows)

@@ -56,8 +56,8 @@ class Judged:
     @property
     def speed(self) -> tuple[float, float, float]:
         """Limit of the pads (m/s) and its 95 % interval, where it was named."""
-        mean, _, (low, high) = self.found.values["speed"]
-        return mean, low, high
+        found = self.found.values["speed"]
+        return found.mean, *found.ci95
 
 
 def judge(
@@ -115,7 +115,7 @@ def drawn(seed: int, pads: int) -> list[Drone]:
 
 
 def line(seed: int, one: Judged) -> dict[str, Any]:
-    values = {name: _short(mean, *interval) for name, (mean, _, interval) in one.found.values.items()}
+    values = {name: _short(found.mean, *found.ci95) for name, found in one.found.values.items()}
     return {
         "seed": seed,
         "hidden": {

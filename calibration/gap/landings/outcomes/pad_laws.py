@@ -33,10 +33,10 @@ class PadLaw(NamedTuple):
     spreads: tuple[float, ...]
 
 
-LIMITS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2, 1.5, 2.0)
+LIMITS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2, 1.5, 2.0, 2.5, 3.0)
 """m/s: least speed of a foot that sticks, at which landings are simulated."""
 
-SPEEDS = tuple(round(0.1 * count, 1) for count in range(1, 16))
+SPEEDS = (*(round(0.1 * count, 1) for count in range(1, 16)), 1.75, 2.0, 2.5)
 """m/s: means of the limit."""
 
 SPREADS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)

@@ -13,7 +13,7 @@ probabilities to probabilities.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from calibration.gap.landings.outcomes.scores import (
     score,
     surprise,
 )
-from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, WITHOUT, Point
+from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, NATURAL_ENDS, UNITS, WITHOUT, Point
 from calibration.measurement import Interval, drawn_again, interval_of
 from onboard.arrays import BoolArray, FloatArray, IntArray
 
@@ -38,6 +38,9 @@ hold anyway, a vehicle that is a little surer of it gains 0.02 for certain."""
 
 DRAWN = 20_000
 """Sets of flights behind the interval of a gain: a name must not hang on which sets were drawn."""
+
+END_SHARE = 0.05
+"""Of a posterior at the outermost value that was tried: with more its moments are those of the edge."""
 
 SPLITS = 20
 """Ways of cutting the flights into halves: one alone says much about its own luck."""
@@ -94,8 +97,34 @@ def counts_inside(table: FloatArray, logs: FloatArray, real: IntArray, own: Bool
     return [low <= count <= high for count, (low, high) in zip(happened, intervals, strict=True)]
 
 
-Estimate = tuple[float, float, Interval]
-"""Mean, standard deviation and 95 % interval of a coordinate."""
+class Estimate(NamedTuple):
+    """Of a coordinate over the vehicles of the grid.
+
+    Attributes:
+        mean, sigma: of the posterior. ci95: of it; no further than the grid reaches.
+        ends: outermost values that were tried, other than natural ends, which hold more than END_SHARE of
+            the posterior: what is true may lie beyond, and the rest says how far at most by chance.
+    """
+
+    mean: float
+    sigma: float
+    ci95: Interval
+    ends: tuple[float, ...]
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether it runs into the end of what was tried."""
+        return bool(self.ends)
+
+    def json_shape(self, unit: str) -> dict[str, Any]:
+        """As a JSON object."""
+        return {
+            "value": self.mean,
+            "sigma": self.sigma,
+            "unit": unit,
+            "ci95": self.ci95,
+            "at_bound": self.at_bound,
+        }
 
 
 @dataclass(frozen=True)
@@ -168,10 +197,7 @@ class ModelFit:
             "model": self.name,
             "left_one_out": self.left_one_out,
             "halves": self.halves,
-            "values": {
-                name: {"value": mean, "sigma": sigma, "unit": UNITS[name], "ci95": interval}
-                for name, (mean, sigma, interval) in self.values.items()
-            },
+            "values": {name: estimate.json_shape(UNITS[name]) for name, estimate in self.values.items()},
         }
 
 
@@ -212,7 +238,6 @@ class OutcomeSearch:
             gain = self.gains[group]
             for coordinate in GROUPS[group]:
                 effect, parameter = EFFECT_OF[coordinate]
-                mean, sigma, between = self.values[coordinate]
                 entry = effects.setdefault(
                     effect,
                     {
@@ -224,12 +249,7 @@ class OutcomeSearch:
                         "ambiguous_with": [EFFECT_OF[GROUPS[other][0]][0] for other in self.left_open],
                     },
                 )
-                entry["parameters"][parameter] = {
-                    "value": mean,
-                    "unit": UNITS[coordinate],
-                    "sigma": sigma,
-                    "ci95": between,
-                }
+                entry["parameters"][parameter] = self.values[coordinate].json_shape(UNITS[coordinate])
         return {
             "effects": list(effects.values()),
             "search": {
@@ -292,7 +312,7 @@ def _averaged(named: Sequence[str], fits: Sequence[ModelFit], points: FloatArray
         weight = np.exp(evidence - evidence.max())
         shares = weight @ np.array([fit.shares for fit in able]) / weight.sum()
         for name in GROUPS[group]:
-            values[name] = _moments(points[:, Point._fields.index(name)], shares)
+            values[name] = estimate_of(name, points[:, Point._fields.index(name)], shares)
     return values
 
 
@@ -326,7 +346,7 @@ def _fit(
         halves=_halves(own, own_logs, real, rng),
         left_out=left,
         brier=brier(left, real),
-        values={name: _moments(points[rows, axis], share) for name, axis in free.items()},
+        values={name: estimate_of(name, points[rows, axis], share) for name, axis in free.items()},
         shares=shares,
         log_evidence=float(np.logaddexp.reduce(own_logs.sum(axis=1)) - np.log(rows.size)),
     )
@@ -349,12 +369,21 @@ def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.
     return HalfScore(float(own.mean()), float(base.mean()), gain, interval, auc, held)
 
 
-def _moments(value: FloatArray, share: FloatArray) -> Estimate:
-    """Of a coordinate over vehicles: a point of the grid stands for all half-way to the next."""
+def estimate_of(name: str, value: FloatArray, share: FloatArray) -> Estimate:
+    """Of a coordinate over vehicles: a point of the grid stands for all half-way to the next.
+
+    Args:
+        name: of the coordinate. value, share: of the vehicles (n,).
+    """
     mean = float(share @ value)
     sigma = float(np.sqrt(share @ (value - mean) ** 2))
     levels, inverse = np.unique(value, return_inverse=True)
-    reached = np.cumsum(np.bincount(inverse, weights=share))
+    held = np.bincount(inverse, weights=share)
+    reached = np.cumsum(held)
+    outer = {0, levels.size - 1} if name in NATURAL_ENDS else ()
+    full = [float(levels[at]) for at in sorted(outer) if held[at] > END_SHARE]
+    ends = tuple(end for end in full if end not in NATURAL_ENDS[name])
     edges = np.concatenate([levels[:1], 0.5 * (levels[1:] + levels[:-1]), levels[-1:]])
     first, last = (min(int(np.searchsorted(reached, q)), levels.size - 1) for q in (0.025, 0.975))
-    return mean, sigma, (float(edges[first]), float(edges[last + 1]))
+    interval = float(edges[first]), float(edges[last + 1])
+    return Estimate(mean, sigma, interval, ends)

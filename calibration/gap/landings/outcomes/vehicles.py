@@ -63,6 +63,16 @@ UNITS = {name: EFFECTS[effect].parameters[parameter].unit for name, (effect, par
 WITHOUT = Point()
 """None of the effects."""
 
+NATURAL_ENDS: dict[str, tuple[float, ...]] = {
+    **dict.fromkeys(("stiffness", "damping", "side_stiffness", "side_damping"), ()),
+    **dict.fromkeys(("speed", "preload", "impulse"), (0.0,)),
+    **dict.fromkeys(("spread", "preload_spread", "impulse_spread", "angle_spread"), (0.0,)),
+    "angle": (math.pi,),
+    "reach": (1.0, 0.0),
+}
+"""Values beyond which there is nothing, by coordinate: no limit and no spread of it, the whole propeller,
+none of it. Hulls are no ladder but a few shapes, and have no ends."""
+
 HINGES = ((1.0, 1.0), (1.0, 8.0), (1.6, 8.0), (1.6, 16.0))
 """Stiffness and damping: as the legs are filed, and around what the motion after the contact shows (docs)."""
 

@@ -60,10 +60,13 @@ def _lacks(search: OutcomeSearch, group: str) -> str:
     said = []
     for coordinate in GROUPS[group]:
         effect, parameter = EFFECT_OF[coordinate]
-        mean, sigma, _ = search.values[coordinate]
+        found = search.values[coordinate]
         unit = "" if UNITS[coordinate] == "1" else f" {UNITS[coordinate]}"
-        filed = getattr(search.filed, coordinate)
-        said.append(f"{effect}.{parameter} {mean:.3g} +- {sigma:.2g}{unit} (filed {filed:g})")
+        filed = f"filed {getattr(search.filed, coordinate):g}"
+        if found.at_bound:
+            ends = " and ".join(f"{end:.3g}" for end in found.ends)
+            filed += f"; runs to {ends}, the end of what was tried: it may lie beyond"
+        said.append(f"{effect}.{parameter} {found.mean:.3g} +- {found.sigma:.2g}{unit} ({filed})")
     told = f"{', '.join(said)}; Brier {search.gains[group].brier:+.2f}"
     return f"the vehicle file is wrong about its {group}: {told}"
 
@@ -83,11 +86,13 @@ def improved_vehicle(vehicle: Vehicle, search: OutcomeSearch, source: str) -> Ve
         origin = source if group in search.named else f"{source}; goes with it, not told from what was filed"
         for coordinate in GROUPS[group]:
             effect, parameter = EFFECT_OF[coordinate]
-            mean, sigma, _ = search.best.values[coordinate]
+            own = search.best.values[coordinate]
+            sigma, ends = own.sigma, own.ends
             if coordinate in search.values:  # which models the flights leave open makes it less certain
-                average, spread, _ = search.values[coordinate]
-                sigma = math.hypot(spread, average - mean)
-            found.setdefault(effect, {})[parameter] = Quantity(mean, UNITS[coordinate], sigma, origin)
+                over_all = search.values[coordinate]
+                sigma, ends = math.hypot(over_all.sigma, over_all.mean - own.mean), (*ends, *over_all.ends)
+            told = f"{origin}; at the end of what was tried, may lie beyond" if ends else origin
+            found.setdefault(effect, {})[parameter] = Quantity(own.mean, UNITS[coordinate], sigma, told)
     groups = (*search.best.groups, *(LAWS if set(LAWS) & set(search.best.groups) else ()))
     kept = stripped(vehicle.effects, [name for group in groups for name in GROUPS[group]])
     effects = {effect.name: dict(effect.parameters) for effect in kept}
