@@ -85,7 +85,8 @@ def landings_command(
     with share_done("simulating") as simulated:
         parameters = physics_parameters(model, RoomGeometry())
         found = forecast(prepared, parameters, lambda share: simulated(share, 1.0))
-    report = landing_report(prepared, found, real, model, seed, refused)
+    labelled = [start.flight.source in labels for start in prepared.starts]
+    report = landing_report(prepared, found, real, labelled, model, seed, refused)
     if search:
         try:
             with share_done("searching") as searched:

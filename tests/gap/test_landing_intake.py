@@ -15,12 +15,23 @@ import numpy as np
 import pytest
 
 from calibration.flights import Flight, flight_files, open_flights
-from calibration.gap.landings.outcomes import PreparedLandings, lost_labels, prepare, read_labels, tables
+from calibration.gap.landings.outcomes import (
+    PreparedLandings,
+    forecast,
+    landing_report,
+    lost_labels,
+    prepare,
+    read_labels,
+    tables,
+)
 from calibration.gap.landings.outcomes.labels import LabelsFileError
 from calibration.gap.landings.outcomes.vehicles import WITHOUT, bare_parameters, shapes
+from onboard.json_file import as_json
 from onboard.outcome import Outcome
+from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from perchhw.cli.main import run
+from sim_backend.physics.parameters import physics_parameters
 from tests.patience import PATIENCE_S, until
 from tests.truth.landings.drone import Drone
 from tests.truth.landings.judge import VEHICLE
@@ -169,6 +180,49 @@ def test_labels_that_name_no_flight_are_told(tmp_path: Path) -> None:
     assert lost.reason == "names flights that are not beside it: B.csv, 0.csv.gz, 1.csv.gz and 2 more"
 
 
+def test_a_table_of_which_no_name_fits_is_an_error_that_says_what_to_do(tmp_path: Path) -> None:
+    """What the data show would take its place, and nobody would know."""
+    (tmp_path / "a.csv.gz").touch()
+    (tmp_path / "labels.csv").write_text("file,outcome\na.csv,four_leg\nb.csv,two_leg\n")
+    with pytest.raises(LabelsFileError, match=r"a.csv, b.csv.* are called a.csv.gz: write them so"):
+        read_labels([tmp_path / "a.csv.gz"])
+
+
+def test_a_table_above_the_flights_is_named(tmp_path: Path) -> None:
+    """Not where the flights have their own, nor where it belongs to flights that are there."""
+    sources = [tmp_path / "day" / "a.csv", tmp_path / "b.csv"]
+    (tmp_path / "day").mkdir()
+    for file in sources:
+        file.touch()
+    above = tmp_path / "labels.csv"
+    above.write_text("file,outcome\nb.csv,four_leg\n")
+    assert read_labels(sources[:1]) == {}
+    (lost,) = lost_labels(sources[:1])
+    assert lost.name == str(above)
+    assert lost.reason == f"is not beside the flights, and so not read: put it into {tmp_path / 'day'}"
+    assert lost_labels(sources) == ()
+    (tmp_path / "day" / "labels.csv").write_text("file,outcome\na.csv,four_leg\n")
+    assert lost_labels(sources[:1]) == ()
+
+
+def test_a_flip_that_is_far_beside_its_trigger_is_told(day: list[Flight]) -> None:
+    """60 ms: the search for the clock ends before, and its ceiling would be wrong without a word."""
+    flight = day[3]
+    assert flight.trigger is not None
+    early = replace(flight, trigger=replace(flight.trigger, t=flight.trigger.t - 0.06))
+    ready = prepared([day[2], early])
+    assert [flip.clock_at_bound for flip in ready.flips] == [False, True]
+    parameters = physics_parameters(load_vehicle(VEHICLE), RoomGeometry())
+    real = [Outcome.FOUR_LEG, Outcome.TWO_LEG]
+    report = landing_report(
+        ready, forecast(ready, parameters), real, [True, False], load_vehicle(VEHICLE), seed=0
+    )
+    *_, whose, clock = report.words
+    assert whose == "outcomes: 1 from labels.csv, 1 from the flights' own data"
+    assert f"1 of 2 flights is 40 ms or more beside its trigger ({early.name})" in clock
+    assert [one["real_from"] for one in as_json(report)["flights"]] == ["labels.csv", "flight"]
+
+
 def test_a_flight_that_is_classified_twice_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "labels.csv").write_text("file,outcome\na.csv,four_leg\na.csv,failure\n")
     with pytest.raises(LabelsFileError, match=r"row 3 column 'file': a.csv was classified in a row above"):
@@ -194,7 +248,8 @@ def test_flights_that_nobody_classified_are_told_where_to_say_it(
         shutil.copy(flight.source, tmp_path)
     command = ["gap", "landings", "--data", str(tmp_path), "--vehicle", VEHICLE, "--draws", "20"]
     assert run([*command, "--json"]) == 0
-    (said,) = json.loads(capsys.readouterr().out)["says"]
+    said, whose = json.loads(capsys.readouterr().out)["says"]
+    assert "outcomes: 0 from labels.csv, 0 from the flights' own data, 2 unknown" in whose
     assert "of 2 flights are classified, and a score needs 4" in said
     assert "labels.csv" in said
     assert run([*command, "--search"]) == 2

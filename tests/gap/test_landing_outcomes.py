@@ -67,7 +67,8 @@ def test_the_filed_vehicle_scores_what_was_measured_outside(
 ) -> None:
     """Brier 1.08 on 28 flights where the base rate of all gives 0.55; two legs nearly never expected."""
     found = forecast(prepared, physics_parameters(load_vehicle(STORED), RoomGeometry()))
-    report = landing_report(prepared, found, real_of(prepared, labels), load_vehicle(STORED), seed=0)
+    real = real_of(prepared, labels)
+    report = landing_report(prepared, found, real, [True] * len(real), load_vehicle(STORED), seed=0)
     assert report.score is not None
     assert report.score.flights == 28
     assert report.score.brier == pytest.approx(1.08, abs=0.06)
@@ -114,7 +115,8 @@ def test_the_page_opens_with_the_picture(labels: dict[Path, Outcome]) -> None:
     flights, _ = open_flights(sorted(labels)[::4])
     few = prepare(flights, vehicle, np.random.default_rng(0), 20)
     p = physics_parameters(vehicle, RoomGeometry())
-    report = landing_report(few, forecast(few, p), real_of(few, labels), vehicle, seed=0)
+    real = real_of(few, labels)
+    report = landing_report(few, forecast(few, p), real, [True] * len(real), vehicle, seed=0)
     assert report.prepared.roll is not None
     text = landings_page(report, p)
     assert text.index("<svg") < text.index("<table")

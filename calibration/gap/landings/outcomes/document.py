@@ -1,6 +1,6 @@
 """What ``perchhw gap landings`` says: predicted and real outcomes, flight by flight, and their score."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,9 +11,9 @@ from calibration.gap.data.found_effect import Verdict
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.outcomes.dispersion import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
-from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
+from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, LABELS_FILE, landing_class
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
-from calibration.gap.landings.outcomes.prepare import PreparedLandings, roll_errors
+from calibration.gap.landings.outcomes.prepare import CLOCK_BOUND, PreparedLandings, roll_errors
 from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.tables import tabulate
@@ -60,7 +60,7 @@ class LandingReport:
     Attributes:
         vehicle: the model. seed: of the draws.
         prepared: the flights. forecast: what the vehicle expects of them, in the same order.
-        real: outcome of each, None where nobody classified it.
+        real: outcome of each, None where nobody classified it. labelled: which of them people wrote down.
         score: of the classified ones; None when there are fewer than LEAST_FLIGHTS.
         expectation: of more flights like these, with this vehicle; None likewise.
         unused: flights that are not judged.
@@ -73,6 +73,7 @@ class LandingReport:
     prepared: PreparedLandings
     forecast: OutcomeForecast
     real: tuple[Outcome | None, ...]
+    labelled: tuple[bool, ...]
     score: Score | None
     expectation: JudgedExpectation | None
     unused: tuple[NotUsed, ...]
@@ -93,7 +94,11 @@ class LandingReport:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The verdict for people, a sentence a line."""
+        """The verdict for people and what it rests on, a sentence a line."""
+        return (*self._verdict_words, *self._doubts)
+
+    @property
+    def _verdict_words(self) -> tuple[str, ...]:
         if self.score is None:
             rows, _ = classified(self.real)
             return (
@@ -102,6 +107,25 @@ class LandingReport:
                 "them",
             )
         return in_words(self.verdict, self.score, self.search)
+
+    @property
+    def _doubts(self) -> Iterator[str]:
+        """Whose word the outcomes are, and flights whose time is not known."""
+        written = sum(self.labelled)
+        known = sum(real is not None for real in self.real)
+        rest = f", {len(self.real) - known} unknown" if known < len(self.real) else ""
+        yield f"outcomes: {written} from {LABELS_FILE}, {known - written} from the flights' own data{rest}"
+        late = [
+            start.name
+            for start, flip in zip(self.prepared.starts, self.prepared.flips, strict=True)
+            if flip.clock_at_bound
+        ]
+        if late:
+            yield (
+                f"the flip of {len(late)} of {len(self.real)} flights is {1e3 * CLOCK_BOUND:.0f} ms or more "
+                f"beside its trigger ({', '.join(late)}): look at the clocks of trigger and gyro; their "
+                "ceiling and time of contact are not to be trusted"
+            )
 
     @property
     def prospects(self) -> tuple[str, ...]:
@@ -151,6 +175,7 @@ class LandingReport:
         return {
             "name": flight.name,
             "real": None if real is None else real.value,
+            "real_from": None if real is None else LABELS_FILE if self.labelled[index] else "flight",
             **shares,
             "p_body_contact": flight.body_contact,
             "ceiling_m": float(self.prepared.ceilings[index]),
@@ -163,6 +188,7 @@ def landing_report(
     prepared: PreparedLandings,
     found: OutcomeForecast,
     real: Sequence[Outcome | None],
+    labelled: Sequence[bool],
     vehicle: Vehicle,
     seed: int,
     unreadable: Sequence[NotUsed] = (),
@@ -171,7 +197,7 @@ def landing_report(
 
     Args:
         prepared: the flights. found: what the model expects of them.
-        real: outcomes in the order of the starts.
+        real: outcomes in the order of the starts. labelled: which of them people wrote down.
         vehicle: the model. seed: of the draws; the bootstrap has a stream of its own.
         unreadable: files that hold no flight.
     """
@@ -182,7 +208,9 @@ def landing_report(
         scored = score(shares, known, found.draws, np.random.default_rng([seed, 1]))
         expected = judged_expectation(shares[:, FOUR], known == FOUR, np.random.default_rng([seed, 3]))
     unused = (*unreadable, *prepared.unused)
-    return LandingReport(vehicle, seed, prepared, found, tuple(real), scored, expected, unused)
+    return LandingReport(
+        vehicle, seed, prepared, found, tuple(real), tuple(labelled), scored, expected, unused
+    )
 
 
 def classified(real: Sequence[Outcome | None]) -> tuple[IntArray, IntArray]:

@@ -1,6 +1,6 @@
 """Real outcomes of flights: ``labels.csv`` beside the files, columns ``file`` and ``outcome``."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,29 +50,50 @@ def read_labels(sources: Iterable[Path]) -> dict[Path, Outcome]:
     """Outcomes by flight file, from the tables beside these files; flights without one are left out.
 
     Raises:
-        LabelsFileError: a table is broken.
+        LabelsFileError: a table is broken, or all of its names are spelt otherwise than the files.
     """
     files = list(sources)
     known: dict[Path, Outcome] = {}
     for table in _tables(files):
-        known |= _read(table)
+        own = _read(table)
+        if own and not any(file.exists() for file in own):
+            beside = [file.name for file in files if file.parent == table.parent]
+            raise LabelsFileError(
+                f"{table}: none of the flights that it names is beside it ({_listed([*own])}); those that "
+                f"are there are called {_listed(beside)}: write them so in the column file, with their "
+                "ending, or take the table away"
+            )
+        known |= own
     return {file: known[file] for file in files if file in known}
 
 
 def lost_labels(sources: Iterable[Path]) -> tuple[NotUsed, ...]:
-    """Tables beside these files that name flights which are not there: a name that is spelt otherwise.
+    """Tables beside these files that name flights which are not there: a name that is spelt otherwise; and
+    tables a folder above flights that have none beside them.
 
     Raises:
         LabelsFileError: a table is broken.
     """
-    found = []
-    for table in _tables(sources):
-        lost = [file.name for file in _read(table) if not file.exists()]
+    files, found = list(sources), []
+    tables = _tables(files)
+    for table in tables:
+        lost = [file for file in _read(table) if not file.exists()]
         if lost:
-            more = f" and {len(lost) - _LISTED} more" if len(lost) > _LISTED else ""
-            named = ", ".join(lost[:_LISTED])
-            found.append(NotUsed(str(table), f"names flights that are not beside it: {named}{more}"))
+            reason = f"names flights that are not beside it: {_listed(lost)}"
+            found.append(NotUsed(str(table), reason))
+    folders = dict.fromkeys(file.parent.resolve() for file in files)
+    read = {table.resolve() for table in tables}
+    for folder in folders:
+        above = folder.parent / LABELS_FILE
+        if folder / LABELS_FILE not in read and above not in read and above.is_file():
+            reason = f"is not beside the flights, and so not read: put it into {folder}"
+            found.append(NotUsed(str(above), reason))
     return tuple(found)
+
+
+def _listed(files: Sequence[Path | str]) -> str:
+    more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
+    return ", ".join(Path(file).name for file in files[:_LISTED]) + more
 
 
 def _tables(files: Iterable[Path]) -> list[Path]:

@@ -38,7 +38,13 @@ CLOCK_RADIO, CLOCK_TRACKED = 0.010, 0.003
 """s, standard deviations of the clock's offset before the gyro is asked: two rows of a radio log up to 20 ms
 old, one of them the trigger's flag (authors' data, section 1); our own runs have the drone's times."""
 
-_CLOCK_GRID = np.arange(-0.04, 0.0401, 0.002)
+_CLOCK_STEP = 0.002
+_CLOCK_STEPS = 20
+_CLOCK_GRID = _CLOCK_STEP * np.arange(-_CLOCK_STEPS, _CLOCK_STEPS + 1)
+
+CLOCK_BOUND = float(_CLOCK_GRID[-1])
+"""s, the largest offset that is tried."""
+
 _RATE_ERROR = 1.3  # rad/s, RMS that flips leave with a clock of their own
 _UNSEEN_FLIP = 0.2  # s of a flip that is used where no contact was seen
 _LEAST_CEILING = 3  # contacts that tell a session's ceiling
@@ -66,6 +72,11 @@ class FlipFit:
     gained: FloatArray
     ceiling: float
     climb: float
+
+    @property
+    def clock_at_bound(self) -> bool:
+        """Whether the clock may be off by more than was tried."""
+        return abs(self.clock) >= CLOCK_BOUND
 
 
 @dataclass(frozen=True)
