@@ -88,7 +88,7 @@ def test_a_lab_is_told_what_its_vehicle_file_lacks(few: list[Judged]) -> None:
     assert judge_outcomes(scored, np.zeros((8, 3)), found) is Verdict.EFFECTS_FOUND
     sentences = in_words(Verdict.EFFECTS_FOUND, scored, found)
     assert "pad_capture.speed" in sentences[0]
-    assert "(filed 0)" in sentences[0]
+    assert "(filed 0; runs to 1.2, the end of what was tried" in sentences[0]
     better = improved_vehicle(load_vehicle(VEHICLE), found, "a test")
     effects = {effect.name: effect.values() for effect in better.effects}
     mean = found.best.values["speed"].mean

@@ -279,8 +279,8 @@ def test_a_search_that_is_interrupted_leaves_the_forecast(
     said = json.loads(told.out)
     assert len(said["flights"]) == 4
     assert json.loads((tmp_path / "out" / "landings.json").read_text()) == said
-    assert f"its page is drawn into {tmp_path / 'out'}" in " ".join(told.err.split())
-    assert "the search was not finished" in told.err
+    assert f"drawing {tmp_path / 'out' / 'landings.html'}" in " ".join(told.err.split())
+    assert "the search, which was not finished" in told.err
 
 
 def test_who_interrupts_a_search_waits_for_no_landing_and_none_are_begun_afterwards(
