@@ -97,7 +97,7 @@ def counts_inside(table: FloatArray, logs: FloatArray, real: IntArray, own: Bool
     return [low <= count <= high for count, (low, high) in zip(happened, intervals, strict=True)]
 
 
-class Estimate(NamedTuple):
+class GridEstimate(NamedTuple):
     """Of a coordinate over the vehicles of the grid.
 
     Attributes:
@@ -182,7 +182,7 @@ class ModelFit:
     halves: HalfScore
     left_out: FloatArray
     brier: FloatArray
-    values: dict[str, Estimate]
+    values: dict[str, GridEstimate]
     shares: FloatArray
     log_evidence: float
 
@@ -221,7 +221,7 @@ class OutcomeSearch:
     best: ModelFit
     named: tuple[str, ...]
     gains: dict[str, Gain]
-    values: dict[str, Estimate]
+    values: dict[str, GridEstimate]
     laws: dict[str, Change]
     filed: Point
 
@@ -301,7 +301,7 @@ def search_outcomes(
     )
 
 
-def _averaged(named: Sequence[str], fits: Sequence[ModelFit], points: FloatArray) -> dict[str, Estimate]:
+def _averaged(named: Sequence[str], fits: Sequence[ModelFit], points: FloatArray) -> dict[str, GridEstimate]:
     """Estimates of what is named, each group's over the models that have it open; one with another law of the
     pads than the named one is no model of it."""
     other_laws = set(LAWS) - set(named) if set(LAWS) & set(named) else set()
@@ -369,7 +369,7 @@ def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.
     return HalfScore(float(own.mean()), float(base.mean()), gain, interval, auc, held)
 
 
-def estimate_of(name: str, value: FloatArray, share: FloatArray) -> Estimate:
+def estimate_of(name: str, value: FloatArray, share: FloatArray) -> GridEstimate:
     """Of a coordinate over vehicles: a point of the grid stands for all half-way to the next.
 
     Args:
@@ -386,4 +386,4 @@ def estimate_of(name: str, value: FloatArray, share: FloatArray) -> Estimate:
     edges = np.concatenate([levels[:1], 0.5 * (levels[1:] + levels[:-1]), levels[-1:]])
     first, last = (min(int(np.searchsorted(reached, q)), levels.size - 1) for q in (0.025, 0.975))
     interval = float(edges[first]), float(edges[last + 1])
-    return Estimate(mean, sigma, interval, ends)
+    return GridEstimate(mean, sigma, interval, ends)
