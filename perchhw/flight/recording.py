@@ -17,7 +17,10 @@ WRITE_EVERY_S = 0.02
 """How long what was given waits to be written at most, s: so much a killed process loses."""
 STUCK_S = 5.0
 """A disk that has taken nothing for so long, s, takes no more: the flight lands before memory fills."""
-_LOOKS, _LOOK_S = 50, 0.02
+_LOOKS = 50
+"""At one write before it is stuck: a second of the supervisor's, which a resumed process has not had yet."""
+_LOOK_S = 0.02
+"""Between two looks of who waits for the record, s: as the supervisor's."""
 _log = logging.getLogger(__name__)
 
 

@@ -129,6 +129,15 @@ def hovering(
             link.disarm()
 
 
+def assert_lands(flown: Flown, runner: CommandRunner) -> None:
+    """Ordered to land now, it stands on the floor at the supervisor's deadline, and did not fall."""
+    ordered_ms = flown.time_ms
+    runner.retire(3)
+    runner.submit(Order(3, Land(Timing().land)))
+    assert flown.height_at(ordered_ms + DEADLINE_MS) < 0.1
+    assert flown.fastest_fall < SOFT
+
+
 @pytest.mark.parametrize("commands", [plain, of_a_landing, of_a_course])
 def test_a_go_to_without_an_answer_does_not_undo_a_landing(
     network: FaultyNetwork, commands: Callable[[DroneLink], CommandRunner]
@@ -137,11 +146,7 @@ def test_a_go_to_without_an_answer_does_not_undo_a_landing(
         network.drop_replies = lambda packet: of_planner(packet, GO_TO)
         runner.submit(Order(2, GoTo((ASIDE, 0.0, HOVER), 2.0)))
         threading.Event().wait(0.05)
-        ordered_ms = flown.time_ms
-        runner.retire(3)
-        runner.submit(Order(3, Land(Timing().land)))
-        assert flown.height_at(ordered_ms + DEADLINE_MS) < 0.1
-        assert flown.fastest_fall < SOFT
+        assert_lands(flown, runner)
 
 
 def test_a_copy_of_a_go_to_that_comes_behind_a_landing_does_not_undo_it(network: FaultyNetwork) -> None:
@@ -151,11 +156,7 @@ def test_a_copy_of_a_go_to_that_comes_behind_a_landing_does_not_undo_it(network:
         runner.submit(Order(2, GoTo((ASIDE, 0.0, HOVER), 2.0)))
         until(lambda: network.doubled)
         threading.Event().wait(0.05)
-        ordered_ms = flown.time_ms
-        runner.retire(3)
-        runner.submit(Order(3, Land(Timing().land)))
-        assert flown.height_at(ordered_ms + DEADLINE_MS) < 0.1
-        assert flown.fastest_fall < SOFT
+        assert_lands(flown, runner)
 
 
 def test_setpoints_of_a_course_that_come_behind_a_landing_do_not_undo_it(network: FaultyNetwork) -> None:
@@ -165,8 +166,4 @@ def test_setpoints_of_a_course_that_come_behind_a_landing_do_not_undo_it(network
         runner.submit(Order(2, FlyCourse()))
         until(lambda: network.doubled)
         threading.Event().wait(0.5)
-        ordered_ms = flown.time_ms
-        runner.retire(3)
-        runner.submit(Order(3, Land(Timing().land)))
-        assert flown.height_at(ordered_ms + DEADLINE_MS) < 0.1
-        assert flown.fastest_fall < SOFT
+        assert_lands(flown, runner)
