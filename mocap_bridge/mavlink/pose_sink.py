@@ -50,6 +50,9 @@ class MavlinkPoseSink(MavlinkSender):
     Attributes:
         sent: poses sent.
         heard: systems that have sent anything, as (system, component).
+
+    Raises:
+        MocapUriError: nobody knows the host.
     """
 
     def __init__(

@@ -5,10 +5,12 @@ from abc import ABC, abstractmethod
 from types import TracebackType
 from typing import Self
 
+from mocap_bridge.errors import MocapUriError
 from mocap_bridge.mavlink.address import MavlinkAddress
 from mocap_bridge.mavlink.endpoint import MavlinkEndpoint, ReceivedMessage
 from mocap_bridge.mavlink.refusal import Refusals, timesync_answer
 from onboard.clock import Clock
+from onboard.host_lookup import host_in_numbers
 
 SYSTEM = 1
 """A vehicle's number, which its companions share."""
@@ -23,13 +25,16 @@ class MavlinkSender(ABC):
         clock: by which is sent.
         name: of the thread.
         ends_within: the longest that the end waits for the thread, s.
+
+    Raises:
+        MocapUriError: nobody knows the host.
     """
 
     def __init__(
         self, address: MavlinkAddress, component: int, clock: Clock, name: str, ends_within: float
     ) -> None:
+        self._to = (_in_numbers(address), address.port)
         self._endpoint = MavlinkEndpoint(SYSTEM, component, key=address.key, ipv6=":" in address.host)
-        self._to = (address.host, address.port)
         self._clock = clock
         self._refusals = Refusals(SYSTEM)
         self._stopping = threading.Event()
@@ -63,3 +68,15 @@ class MavlinkSender(ABC):
         self._stopping.set()
         self._thread.join(self._ends_within)
         self._endpoint.close()
+
+
+def _in_numbers(address: MavlinkAddress) -> str:
+    """Its host, looked up once: the system would do so again for every packet, and wait for the network."""
+    if ":" in address.host:
+        return address.host  # IPv6 is written in numbers alone
+    try:
+        return host_in_numbers(address.host)
+    except OSError as error:
+        raise MocapUriError(
+            f"no MAVLink to {address}: {error.strerror or error}; check its name, or give it in numbers"
+        ) from error

@@ -38,6 +38,9 @@ class MavlinkTelemetry(MavlinkSender):
 
     Attributes:
         sent: messages so far, those that are lost on the way among them.
+
+    Raises:
+        MocapUriError: nobody knows the host.
     """
 
     def __init__(self, address: MavlinkAddress, clock: Clock = monotonic) -> None:

@@ -1,23 +1,16 @@
 """Stop a drone from outside its flight: a socket or radio of one's own, and no connection to wait for."""
 
-import queue
 import socket
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
+from onboard.host_lookup import LookUp, host_in_numbers
 from onboard.link.errors import LinkError, LinkInputError
 from onboard.link.stop import StopPath, StopPort, StopReport
 from onboard.link.stop_ports import UdpStopPort
 from onboard.link.uri import check_drone_uri, parse_udp_uri
-
-LOOK_UP_S = 3.0
-"""How long the name of a host may take to be looked up. One in numbers takes no time."""
-
-LookUp = Callable[[str], str]
-"""From the name of a host to its address in numbers; OSError where it is not known."""
 
 _SERIAL_LENGTH = 10
 """A radio is named by its number, or by a serial number of at least this many characters."""
@@ -54,38 +47,10 @@ def _udp_port(uri: str, look_up: LookUp) -> Iterator[StopPort]:
     address = parse_udp_uri(uri)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
         try:
-            udp.connect((_in_numbers(address.host, look_up), address.port))
+            udp.connect((host_in_numbers(address.host, look_up), address.port))
         except OSError as error:
-            raise LinkError(f"cannot reach {uri}: {error}; check host and network") from error
+            raise LinkError(f"cannot reach {uri}: {error}; check host and network, cut its power") from error
         yield UdpStopPort(udp)
-
-
-def _in_numbers(host: str, look_up: LookUp) -> str:
-    """The address of a host, on a thread that is left behind when it takes too long.
-
-    Raises:
-        OSError: it is not known.
-    """
-    found: queue.SimpleQueue[str | OSError] = queue.SimpleQueue()
-
-    def find() -> None:
-        try:
-            found.put(look_up(host))
-        except UnicodeError:
-            found.put(OSError(f"{host} cannot be the name of a host"))
-        except OSError as error:
-            found.put(error)
-
-    threading.Thread(target=find, name="LookUp", daemon=True).start()
-    try:
-        address = found.get(timeout=LOOK_UP_S)
-    except queue.Empty:
-        raise OSError(
-            f"nobody says within {LOOK_UP_S:g} s where {host} is: give its address in numbers, cut its power"
-        ) from None
-    if isinstance(address, OSError):
-        raise address
-    return address
 
 
 @contextmanager

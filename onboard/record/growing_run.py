@@ -5,6 +5,7 @@ from typing import Any
 
 from onboard.record.run_record import (
     EVENTS_FILE,
+    RUN_FILE,
     SERIES_FILE,
     RunFolderError,
     RunRecord,
@@ -38,6 +39,10 @@ class GrowingRun:
             RunFolderError: damaged, or not a run.
         """
         try:
+            if not (self.folder / RUN_FILE).is_file():
+                raise RunFolderError(
+                    f"{self.folder} is no run: give the folder of one, in which {RUN_FILE} is"
+                )
             info = read_info(self.folder)  # before the rest: what was closed does not grow
             series, events = self._series.read(), self._new_events()
         except OSError as error:

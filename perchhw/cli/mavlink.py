@@ -47,15 +47,15 @@ def serve(
     from perchhw.flight.live_drone import tell_drone
     from perchhw.flight.record_playback import play_record
 
+    if (drone is None) == (record is None):
+        raise NothingToServe("mavlink serve: give one of --drone URI and --record RUN")
     address, limit = parse_mavlink_address(to), seconds or float("inf")
     with MavlinkTelemetry(address) as telemetry:
         listener = GroundStation(telemetry)
-        if drone is not None and record is None:
+        if drone is not None:
             tell_drone(drone, listener, limit)
-        elif record is not None and drone is None:
+        if record is not None:
             play_record(record, listener, limit)
-        else:
-            raise NothingToServe("mavlink serve: give one of --drone URI and --record RUN")
     result = {"to": str(address), "sent": telemetry.sent, "lost": telemetry.lost}
     emit(result, "\n".join(f"{name}: {value}" for name, value in result.items()))
     return exit_codes.DONE if telemetry.sent > telemetry.lost else exit_codes.FAILED

@@ -50,7 +50,7 @@ def ground_station(uri: str | None) -> Iterator[RecordListener | None]:
     """What tells the ground station at `uri` (``mavlink://HOST:PORT``), while it is open; None for None.
 
     Raises:
-        MocapUriError: the address cannot be used.
+        MocapUriError: the address cannot be used, or nobody knows the host.
     """
     if uri is None:
         yield None

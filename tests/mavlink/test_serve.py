@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from mocap_bridge.errors import MocapUriError
 from onboard.supervisor_info import SupervisorBits
 from onboard.timebase import WALL
 from perchhw.cli.main import run
@@ -140,6 +141,30 @@ def test_it_serves_one_of_the_two(what: list[str], capsys: pytest.CaptureFixture
 def test_an_address_that_is_none_is_told_as_such(drone: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["mavlink", "serve", "--drone", drone]) == 1
     assert drone in capsys.readouterr().err.replace("\n", "")
+
+
+@pytest.mark.parametrize("host", ["no-such-host.invalid", "a..b"])
+def test_a_ground_station_that_nobody_knows_is_said_before_anything_is_told(
+    host: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with RunRecorder(tmp_path / "run", {}) as recorder:
+        write(recorder, 0.0, 1.0)
+    command = ["mavlink", "serve", "--record", str(tmp_path / "run"), "--to", f"mavlink://{host}:14550"]
+    assert run(command) == 2
+    shown = capsys.readouterr()
+    assert f"no MAVLink to mavlink://{host}:14550" in shown.err
+    assert not shown.out
+    with pytest.raises(MocapUriError, match=re.escape(host)), ground_station(f"mavlink://{host}"):
+        pytest.fail("a flight told it to nobody")
+
+
+def test_a_file_is_no_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (file := tmp_path / "flight.csv").write_text("t,x\n0,1\n")
+    with Listener() as station:
+        to = f"mavlink://127.0.0.1:{station.port}"
+        assert run(["mavlink", "serve", "--record", str(file), "--to", to]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "flight.csv is no run: give the folder of one, in which run.json is" in said
 
 
 @needs_mavproxy
