@@ -1,8 +1,6 @@
 """Where this user's files are that can be made again, and where they are for now if that cannot be written.
 
-A folder for now goes with the last process that uses it. Each of them holds a shared lock on it, which the
-system lets go of however the process ends; who gets the folder for itself alone may take it away. A process
-that was killed cannot do so: the next one that compiles does.
+A folder for now goes with the last process that uses it (:mod:`onboard.held_folder`).
 """
 
 import atexit
@@ -15,12 +13,8 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-try:
-    import fcntl
-except ImportError:  # Windows: what a killed process leaves behind stays
-    fcntl = None  # type: ignore[assignment]
-
 from onboard.errors import InputError, OnboardError
+from onboard.held_folder import hold_folder, new_held_folder, take_away_left
 
 _log = logging.getLogger(__name__)
 
@@ -55,7 +49,7 @@ def cache_for_compiled(name: str) -> Path:
 
 @cache
 def _writable(folder: Path) -> Path:
-    _clear_what_was_left()
+    take_away_left(_FOR_NOW)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _try_to_write(folder)
@@ -105,42 +99,12 @@ def keep_for_now(folder: Path) -> None:
     """Use a folder for now, as a process that got it from the one that started it: it stays until this one
     ends, too. Any other folder stays anyway.
     """
-    if fcntl is None or not folder.name.startswith(_FOR_NOW):
-        return
-    with suppress(OSError):  # who has no room for a folder keeps nothing
-        while True:
-            folder.mkdir(mode=0o700, exist_ok=True)
-            handle = os.open(folder, os.O_RDONLY)
-            fcntl.flock(handle, fcntl.LOCK_SH)  # waits for who is just taking it away, and was first
-            if folder.is_dir() and os.path.samestat(folder.stat(), os.fstat(handle)):
-                atexit.register(_clear, folder, handle)
-                return
-            os.close(handle)
+    if folder.name.startswith(_FOR_NOW):
+        with suppress(OSError):  # who has no room for a folder keeps nothing
+            atexit.register(hold_folder(folder).let_go)
 
 
 def _new_for_now() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix=_FOR_NOW))
-    if fcntl is None:
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    keep_for_now(folder)
-    return folder
-
-
-def _clear_what_was_left() -> None:
-    """Take away the folders that processes of this user left when they were killed."""
-    if fcntl is None:
-        return
-    with suppress(OSError):
-        for folder in Path(tempfile.gettempdir()).glob(f"{_FOR_NOW}*"):
-            with suppress(OSError):
-                handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-                if os.fstat(handle).st_uid == os.getuid():
-                    _clear(folder, handle)
-                os.close(handle)
-
-
-def _clear(folder: Path, handle: int) -> None:
-    """Take a folder away unless another process uses it; `handle` is open on it."""
-    with suppress(OSError):
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        shutil.rmtree(folder, ignore_errors=True)
+    held = new_held_folder(_FOR_NOW)
+    atexit.register(held.let_go)
+    return held.path

@@ -1,12 +1,11 @@
-"""The lab file of a simulated lab: there while the lab serves, gone with it."""
+"""The lab file of a simulated lab: there while the lab serves, gone with it, or with the next one's start."""
 
 import math
-import shutil
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from onboard.errors import InputError
+from onboard.held_folder import HeldFolder, new_held_folder, take_away_left
 from onboard.lab_file import (
     LAB_FILE,
     Ceiling,
@@ -26,6 +25,9 @@ from sim_backend.world import start_marks
 
 COMMENT = "Written by `perchhw sim lab`, which takes it away when it ends: copy what is to be kept."
 
+_FOLDER = "perchhw-simulated-lab-"
+"""How names of the temporary folders begin; those of earlier versions, without locks, began otherwise."""
+
 
 class LabFileTakenError(SimulationError, InputError):
     """Where the lab file is to be there is one already, which may be that of a real room."""
@@ -43,7 +45,7 @@ class LabDescription:
 
     def __init__(self, chosen: Path | None) -> None:
         self._chosen = chosen
-        self._folder: Path | None = None
+        self._folder: HeldFolder | None = None
         self.path: Path | None = None
 
     def require_free(self) -> None:
@@ -65,8 +67,9 @@ class LabDescription:
             LabFileError: it cannot be written.
         """
         if self._chosen is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="perchhw-lab-"))
-            path = self._folder / LAB_FILE
+            take_away_left(_FOLDER)
+            self._folder = new_held_folder(_FOLDER)
+            path = self._folder.path / LAB_FILE
         else:
             self.require_free()
             path = self._chosen.absolute()
@@ -80,7 +83,7 @@ class LabDescription:
             self.path.unlink(missing_ok=True)
             self.path = None
         if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder.let_go()
             self._folder = None
 
 

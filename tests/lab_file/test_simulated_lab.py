@@ -1,6 +1,8 @@
 """The simulated lab writes its own lab file, and a flight needs nothing else."""
 
 import json
+import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -98,3 +100,17 @@ def test_the_file_lives_as_long_as_the_lab(tmp_path: Path, capsys: pytest.Captur
         code, document = fly(capsys, "--lab", str(chosen), "--dry-run", "--out", str(tmp_path / "runs"))
         assert code == 0, document
     assert not chosen.exists()
+
+
+def test_what_a_killed_lab_left_goes_when_the_next_one_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with SimulatedLab("lab", LAB) as killed:
+        left = killed.lab_file
+        assert left.is_relative_to(tmp_path)
+        os.kill(killed.pid, signal.SIGKILL)
+    assert left.exists()
+    with SimulatedLab("lab", LAB) as lab:
+        assert list(tmp_path.rglob("lab.toml")) == [lab.lab_file]
+    assert not list(tmp_path.iterdir())

@@ -66,7 +66,14 @@ def project(tmp_path: Path) -> Path:
     """A tiny project with the real cache rule and our decorators."""
     folder = tmp_path / "project"
     (folder / "onboard").mkdir(parents=True)
-    for name in ("__init__.py", "kernel_cache.py", "kernel_file.py", "user_cache.py", "jit.py"):
+    for name in (
+        "__init__.py",
+        "kernel_cache.py",
+        "kernel_file.py",
+        "held_folder.py",
+        "user_cache.py",
+        "jit.py",
+    ):
         (folder / "onboard" / name).write_bytes((REPOSITORY / "onboard" / name).read_bytes())
     put_kernel(folder, "onboard")
     return folder
