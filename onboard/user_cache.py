@@ -21,6 +21,9 @@ _log = logging.getLogger(__name__)
 _FOR_NOW = "perchhw-for-now-"
 """How names of such folders begin; those of earlier versions, without locks, began otherwise."""
 
+_TOLD = "PERCHHW_CACHE_THAT_CANNOT_BE_WRITTEN"
+"""Variable by which those that a process starts know of which cache it has said so."""
+
 _ROOM = 1 << 20
 """Bytes: the drone's code in C with what its compiler writes beside it, or the largest of the kernels."""
 
@@ -54,7 +57,7 @@ def _writable(folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         _try_to_write(folder)
     except OSError as problem:
-        reason, full = problem.strerror, problem.errno in _FULL
+        reason, full = problem.strerror or str(problem), problem.errno in _FULL
     else:
         return folder
     for_now = _copied_for_now(folder)
@@ -63,14 +66,22 @@ def _writable(folder: Path) -> Path:
             f"neither {folder} ({reason}) nor the folder of temporary files can be written, and what is "
             "compiled must be put somewhere: name folders that can by XDG_CACHE_HOME and TMPDIR"
         )
+    _tell_once(folder, reason, "make room there, or " if full else "")
+    return for_now or folder
+
+
+def _tell_once(folder: Path, reason: str, remedy: str) -> None:
+    """Say what is wrong with the cache, unless this process or the one that started it has said so."""
+    if os.environ.get(_TOLD) == str(user_cache()):
+        return
+    os.environ[_TOLD] = str(user_cache())
     _log.error(
         "%s cannot be written (%s): what is compiled is not kept, which costs every start its time; %sname "
         "another folder by XDG_CACHE_HOME",
         folder,
         reason,
-        "make room there, or " if full else "",
+        remedy,
     )
-    return for_now or folder
 
 
 def _try_to_write(folder: Path) -> None:
