@@ -159,7 +159,7 @@ class FlightLoop:
             ("land", lambda: OperatorAbort() if self.interrupts.count > 0 else None),
             ("stood still", self._stood_still),
             ("link", self._link_lost),
-            ("record", lambda: RecordLost(lost) if (lost := self.record.lost) is not None else None),
+            ("record", lambda: RecordLost(why) if (why := self.record.look_for_loss()) is not None else None),
             ("kicker", lambda: InternalError(why) if (why := self.kicker.problem) is not None else None),
         ):
             event = None if name in self._told else self._safely(look, None)

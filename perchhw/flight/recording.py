@@ -60,9 +60,10 @@ class FlightRecorder:
         self._writer = threading.Thread(target=self._write_on, name="FlightRecorder", daemon=True)
         self._writer.start()
 
-    @property
-    def lost(self) -> str | None:
-        """Why the record ends early, or None. The supervisor's loop looks at it."""
+    def look_for_loss(self) -> str | None:
+        """Look whether the disk stands still; gives why the record ends early, or None. For the supervisor's
+        loop, at each of its turns: how often was looked counts, too.
+        """
         if self._lost is None and self._stuck.look():
             self._lost = f"the disk has taken nothing for {STUCK_S:g} s; look at it before the next flight"
             _log.error("the record ends here (%s); the flight goes on to a landing", self._lost)
@@ -93,7 +94,7 @@ class FlightRecorder:
         self._waiting.append(written.set)
         self._wake.set()
         while not written.wait(_LOOK_S):
-            if self.lost is not None and self._stuck.look():
+            if self.look_for_loss() is not None and self._stuck.look():
                 return False
         return True
 

@@ -127,7 +127,7 @@ def test_a_listener_that_fails_is_dropped_and_the_record_goes_on(
             record.event("phase", float(i))
     record.close()
     assert broken.asked == 1
-    assert record.lost is None
+    assert record.look_for_loss() is None
     assert len(read_run(tmp_path / "run").series["power"].messages) == 3
     assert "it goes on" in caplog.text
 

@@ -32,8 +32,8 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # as a disk with no
 for index in range(1000):
     record.write("power", 0.001 * index, {"vbat": 4.0})
 record.settle()
-print(record.lost)
-record.close(outcome="aborted", aborted_by=record.lost)
+print(lost := record.look_for_loss())
+record.close(outcome="aborted", aborted_by=lost)
 """
 
 
@@ -121,11 +121,12 @@ def test_a_really_full_disk_keeps_how_the_flight_ended(
     for index in range(200):
         record.write("power", 0.001 * index, {"vbat": 4.0})
     assert record.settle()
-    assert record.lost is not None
-    record.close(outcome="aborted", aborted_by=f"record_lost: {record.lost}")
+    lost = record.look_for_loss()
+    assert lost is not None
+    record.close(outcome="aborted", aborted_by=f"record_lost: {lost}")
     _fill(small_disk)
     info = json.loads((folder / "run.json").read_text())
-    assert (info["closed"], info["outcome"], info["record_lost"]) == (True, "aborted", record.lost)
+    assert (info["closed"], info["outcome"], info["record_lost"]) == (True, "aborted", lost)
     told = explain(folder)
     assert told is not None
     assert told["code"] == "record_lost"
