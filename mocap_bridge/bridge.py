@@ -14,12 +14,12 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from mocap_bridge.correction import AS_TRACKED, PoseCorrection
-from mocap_bridge.errors import MocapError, PoseTimeout, SourceBroken
+from mocap_bridge.errors import ListenerBroken, MocapError, PoseTimeout, SourceBroken
 from mocap_bridge.health import HealthLimits, HealthStatistics, PoseHealth, PoseVerdict
 from mocap_bridge.pose import PoseSample, PoseStream, SourceStatistics, open_pose_stream
 from mocap_bridge.rotation import continuous, normalised
-from mocap_bridge.source_bug import blamed_on_the_source
 from mocap_bridge.uri import MocapUri, parse_mocap_uri
+from mocap_bridge.whose_bug import blamed_on_the_listener, blamed_on_the_source
 from onboard.arrays import Quaternion, Vector
 from onboard.errors import PerchhwError
 from onboard.timebase import WALL, Timebase
@@ -89,6 +89,7 @@ class PoseBridge:
         limits: limits of the judging.
         clock: the time that poses are judged by and waited for.
         on_sample: called from the reading thread with every sample and its verdict; must return at once.
+            One that fails ends the bridge: nothing is known of the drone any more, and the status says why.
         correction: applied to every sample before anything else sees it.
     """
 
@@ -199,7 +200,7 @@ class PoseBridge:
                 try:
                     with blamed_on_the_source(), open_pose_stream(self._uri, self._clock) as stream:
                         frames = self._pump(stream)
-                except SourceBroken as error:
+                except (SourceBroken, ListenerBroken) as error:
                     ended = str(error)
                     break
                 except MocapError as error:
@@ -226,6 +227,8 @@ class PoseBridge:
                 frames += 1
                 last_time = sample.receipt_time
                 self._judge(sample, stream)
+        except ListenerBroken:
+            raise
         except MocapError as error:
             with self._lock:
                 self._reconnects += 1
@@ -248,7 +251,8 @@ class PoseBridge:
                 self._mailed.set()
         self._looked_at.set()
         if self._on_sample is not None:
-            self._on_sample(sample, verdict)
+            with blamed_on_the_listener():
+                self._on_sample(sample, verdict)
 
     def _set_source(self, source: SourceStatistics | None, error: str | None) -> None:
         with self._lock:

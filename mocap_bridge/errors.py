@@ -31,6 +31,10 @@ class SourceBroken(MocapError):
     """The code of the source failed: opening it again would not help, somebody has to mend it."""
 
 
+class ListenerBroken(MocapError):
+    """The code of who is told of every pose failed: no source can help it, somebody has to mend it."""
+
+
 class UnknownSubject(SourceUnusable):
     """The source does not know the subject asked for; `offered` has the names that it does know."""
 

@@ -6,8 +6,8 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from mocap_bridge.errors import MocapUriError
-from mocap_bridge.source_bug import blamed_on_the_source
 from mocap_bridge.uri import SCHEMES, MocapUri, parse_mocap_uri, scheme_of
+from mocap_bridge.whose_bug import blamed_on_the_source
 from onboard.arrays import Quaternion, Vector
 from onboard.by_name import imported
 from onboard.timebase import WALL, Timebase

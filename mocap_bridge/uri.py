@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from urllib.parse import SplitResult, parse_qsl, quote, unquote, urlsplit
 
 from mocap_bridge.errors import MocapUriError, SourceBroken
-from mocap_bridge.source_bug import blamed_on_the_source
+from mocap_bridge.whose_bug import blamed_on_the_source
 from onboard.lab_time.address import OPTION as TIME_OPTION
 
 # Anybody could send an object stream, so only this computer is heard unless the URI says more.

@@ -278,3 +278,20 @@ def test_a_source_that_breaks_says_why_and_gives_no_pose(
     assert re.fullmatch(f"the source broke, which is a bug of it: {expected}", status.error or "")
     assert not status.connected
     assert status.verdict is not PoseVerdict.OK
+
+
+@pytest.mark.parametrize("error", [RuntimeError, MocapError])
+def test_a_listener_that_breaks_is_named_as_such_and_not_the_source(error: type[Exception]) -> None:
+    def listen(*_: object) -> None:
+        raise error("no room in the notebook")
+
+    with MovingRoom() as room, PoseBridge(room.uri, None, on_sample=listen) as bridge:
+        assert bridge.wait_for(lambda status: "bug" in (status.error or ""), PATIENCE_S)
+        status = bridge.status()
+    assert re.fullmatch(
+        r"who listens to the poses \(on_sample\) broke, which is a bug of it: "
+        rf"{error.__name__}: no room in the notebook \(test_bridge.py:\d+\)",
+        status.error or "",
+    )
+    assert (status.connected, status.reconnects) == (False, 0)
+    assert status.verdict is not PoseVerdict.OK
