@@ -47,13 +47,13 @@ def checked_count(value: object, name: str, least: int = 0) -> int:
     return int(value)
 
 
-def checked_name(value: object, name: str) -> str:
+def checked_name(value: object, name: str, give: str = "a name or a file") -> str:
     """The name or path that was given as `name`.
 
     Raises:
-        ArgumentError: it is neither, or empty.
+        ArgumentError: it is neither, or empty; the message says to `give` what may be given.
     """
     if isinstance(value, str | Path) and str(value).strip():
         return str(value)
     given = "is empty" if isinstance(value, str) else f"is a {type(value).__name__}"
-    raise ArgumentError(f"{name} {given}: give a name or a file")
+    raise ArgumentError(f"{name} {given}: give {give}")

@@ -61,7 +61,7 @@ def simulate_approach(
     Raises:
         LearningInputError: no approach has such a speed or angle, or the setup cannot be used.
         PolicyError, VehicleFileError: nor can policy or vehicle.
-        ArgumentError: speed, angle or seed is no number of its kind.
+        ArgumentError: speed, angle or seed is no number of its kind, or `setup` is none.
 
     >>> flight = simulate_approach(load_policy(), 2.5, 50.0)
     >>> bool(flight.data["z"][-1] > 2.0), int(flight.data["legs_attached"][-1])   # it hangs by all its legs
@@ -73,7 +73,7 @@ def simulate_approach(
 
     policy = policy if isinstance(policy, Policy) else load_policy(policy)
     (condition,) = conditions((speed,), (angle_deg,))
-    setup = setup or LearningSetup(legs="semi-narrow-long")
+    setup = _setup(setup, LearningSetup(legs="semi-narrow-long"))
     if seed is not None:
         setup = replace(setup, seed=seed)
     return example_flight(policy, setup, condition)
@@ -99,7 +99,7 @@ def sweep(
 
     Raises:
         LearningInputError: the grid, the setup or the folder cannot be used.
-        ArgumentError: speeds, angles or repeats are no numbers of their kind.
+        ArgumentError: speeds, angles or repeats are no numbers of their kind, or `setup` is none.
 
     >>> import tempfile
     >>> summary = sweep(tempfile.mkdtemp(), speeds=[3.0], angles_deg=[37.5])
@@ -114,7 +114,7 @@ def sweep(
         checked_numbers(angles_deg, "angles_deg"),
         checked_count(repeats, "repeats", least=1),
     )
-    return run_sweep(setup or LearningSetup(), grid, Path(folder), resume=resume)
+    return run_sweep(_setup(setup, LearningSetup()), grid, Path(folder), resume=resume)
 
 
 @on_one_thread()
@@ -165,7 +165,8 @@ def fly(
             simulated lab nobody has to. None: such a drone ends the attempt before take-off.
 
     Raises:
-        PerchhwError: the attempt cannot begin; ArgumentError: `policy` is neither name nor file.
+        PerchhwError: the attempt cannot begin; ArgumentError: `policy` is neither name nor file, or
+            `lab` no lab.
         AttemptInterrupted: Ctrl-C; the drone was stopped and the record closed first.
     """
     from perchhw.flight import check_attempt, fly_attempt
@@ -209,7 +210,7 @@ def fly_campaign(
 
     Raises:
         CampaignStopped: too many attempts in a row were aborted, or the drone must be looked at first.
-        PerchhwError: file, folder or drone cannot be used, or the file is one of test flights.
+        PerchhwError: lab, file, folder or drone cannot be used, or the file is one of test flights.
         KeyboardInterrupt: Ctrl-C; the drone was stopped and the attempt is planned again.
     """
     from perchhw.campaign import CampaignFileError, CampaignStopped, check_approaches, load_plan, run_campaign
@@ -241,7 +242,9 @@ def _lab_file(lab: "SimulatedLab | str | Path") -> "LabFile | None":
     from perchhw.lab import find_lab
     from perchhw.lab_process import SimulatedLab
 
-    return find_lab(lab.lab_file if isinstance(lab, SimulatedLab) else Path(lab))
+    if isinstance(lab, SimulatedLab):
+        return find_lab(lab.lab_file)
+    return find_lab(Path(checked_name(lab, "lab", "a running perchhw.SimulatedLab, or a lab file")))
 
 
 def open_flights(*paths: str | Path, format: str = "auto") -> "tuple[list[Flight], list[UnusableFlight]]":
@@ -306,6 +309,16 @@ def find_gap(
 
     asked = find.GapQuestion(vehicle=_vehicle(vehicle), seed=seed, ceiling_z=ceiling_z)
     return find.find_gap(_flights(flights), asked)
+
+
+def _setup(given: "LearningSetup | None", default: "LearningSetup") -> "LearningSetup":
+    from perchhw.learning.setup import LearningSetup
+
+    if given is None:
+        return default
+    if not isinstance(given, LearningSetup):
+        raise ArgumentError(f"setup is a {type(given).__name__}: give a perchhw.LearningSetup(...)")
+    return given
 
 
 def _vehicle(given: "Vehicle | str | Path") -> "Vehicle":

@@ -28,6 +28,7 @@ from perchhw.campaign import CampaignFileError
 from perchhw.lab_process import LabNotReady
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.sweep import SweepGrid
+from tests.campaign.conftest import CAMPAIGN
 from tests.conftest import REPOSITORY
 
 
@@ -133,6 +134,17 @@ def test_below_a_ceiling_that_cannot_be_nothing_is_learned_labelled_or_found(
         (lambda: perchhw.load_policy(""), "policy is empty: give a name or a file"),
         (lambda: perchhw.load_policy(None), "policy is a NoneType: give a name or a file"),  # type: ignore[arg-type]
         (lambda: perchhw.fly("none", 2.5, 50.0, policy=perchhw.load_policy()), "perchhw.save_policy"),  # type: ignore[arg-type]
+        (lambda: perchhw.fly(None, 2.5, 50.0), "lab is a NoneType: give a running perchhw.SimulatedLab, or"),  # type: ignore[arg-type]
+        (lambda: perchhw.fly("", 2.5, 50.0), "lab is empty: give a running perchhw.SimulatedLab, or a lab f"),
+        (lambda: perchhw.fly(perchhw.SimulatedLab, 2.5, 50.0), "lab is a type: give a running"),  # type: ignore[arg-type]
+        (
+            lambda: perchhw.simulate_approach("default", 2.5, 50.0, setup={}),
+            "setup is a dict: give a perchhw",
+        ),  # type: ignore[arg-type]
+        (
+            lambda: perchhw.simulate_approach("default", 2.5, 50.0, setup="wide-long", seed=1),
+            "setup is a str",
+        ),  # type: ignore[arg-type]
         (lambda: perchhw.LearningSetup(vehicle=perchhw.load_vehicle(NAME)), "vehicle is a Vehicle: give a n"),  # type: ignore[arg-type]
         (lambda: perchhw.find_gap("runs", NAME), "flights is a str, no list of flights: flights, unusable ="),  # type: ignore[arg-type]
         (lambda: perchhw.find_gap(([], []), NAME), "a list is no flight: flights, unusable = perchhw.open_"),  # type: ignore[arg-type]
@@ -156,6 +168,8 @@ def test_what_is_of_another_kind_is_told_in_one_sentence(ask: Callable[[], objec
         ({"speeds": [2.5, "fast"]}, "speeds: 'fast' is no number"),
         ({"angles_deg": [True]}, "angles_deg: True is no number"),
         ({"repeats": 1.5}, "repeats: 1.5 is no whole number of at least 1"),
+        ({"setup": "wide-long"}, r"setup is a str: give a perchhw\.LearningSetup"),
+        ({"setup": perchhw.LearningSetup}, "setup is a type"),
         ({"repeats": 0}, "repeats: 0 is no whole number of at least 1"),
     ],
 )
@@ -194,6 +208,13 @@ def test_test_flights_are_told_from_landings(tmp_path: Path) -> None:
     file.write_text('schema = "perchhw.campaign/1"\n[[flight]]\nkind = "hover"\n')
     with pytest.raises(CampaignFileError, match=r"test flights.*`perchhw campaign run .*suggested\.toml`"):
         perchhw.fly_campaign("none", file, tmp_path / "out", confirm=print)
+
+
+def test_a_campaign_in_no_lab_is_told_so(tmp_path: Path) -> None:
+    (file := tmp_path / "day.toml").write_text(CAMPAIGN)
+    with pytest.raises(InputError, match="lab is a NoneType: give a running"):
+        perchhw.fly_campaign(None, file, tmp_path / "out", confirm=print)  # type: ignore[arg-type]
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_lab_that_was_closed_says_so(tmp_path: Path) -> None:
