@@ -2,13 +2,14 @@
 
 import pytest
 
-from calibration.bench.instruments.addresses import ScaleAddress, SupplyAddress
+from calibration.bench.instruments.addresses import InstrumentAddress, ScaleAddress, SupplyAddress
 from calibration.bench.instruments.balance import Balance
 from calibration.bench.instruments.errors import InstrumentInputError
 from calibration.bench.instruments.kept_supply import KeptSupply
 from calibration.bench.instruments.load_cell import LoadCell
 from calibration.bench.instruments.manual import ManualScale, ManualSupply
 from calibration.bench.instruments.scale import Scale
+from calibration.bench.instruments.schemes import SCALES, SUPPLIES, InstrumentScheme, in_words
 from tests.instruments.pty_device import LineBoard, PtyDevice
 from tests.instruments.test_polled_instruments import Somebody, TinyKorad, TinyScpi, balance
 
@@ -20,6 +21,18 @@ def test_a_load_cell_is_what_a_bare_port_means(uri: str) -> None:
     with LineBoard("load") as board, ScaleAddress.of(uri.format(board.name)).open(NOBODY) as scale:
         assert isinstance(scale, LoadCell)
         assert scale.device == board.name
+
+
+@pytest.mark.parametrize("schemes", [SCALES, SUPPLIES])
+def test_what_a_bare_port_means_does_not_depend_on_the_order_of_the_table(
+    schemes: dict[str, InstrumentScheme],
+) -> None:
+    turned = dict(reversed(schemes.items()))
+    meant = InstrumentAddress.parse("/dev/ttyUSB0", turned, "instrument").scheme
+    assert meant == InstrumentAddress.parse("/dev/ttyUSB0", schemes, "instrument").scheme
+    assert [text for text in in_words(turned.values()).split(", ") if "just the port" in text] == [
+        f"{schemes[meant].example} for {schemes[meant].what} (or just the port)"
+    ]
 
 
 def test_a_balance_and_a_person_are_scales() -> None:

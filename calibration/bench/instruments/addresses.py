@@ -1,7 +1,7 @@
 """Which scale or supply is opened by which URI, such as ``mtsics:///dev/ttyUSB0?baud=9600``.
 
 The schemes are those of :mod:`calibration.bench.instruments.schemes`, and ``manual://`` for a person. A bare
-port, or ``serial://``, is what comes first there.
+port, or ``serial://``, is what is marked so there.
 """
 
 from collections.abc import Callable, Mapping
@@ -42,10 +42,9 @@ class InstrumentAddress:
         Raises:
             InstrumentInputError: no such scheme, or a person with a port.
         """
-        default = next(iter(schemes))
         scheme, mark, port = uri.partition("://")
         if not mark or scheme == "serial":
-            return cls(default, uri)
+            return cls(next(name for name, one in schemes.items() if one.bare_port), uri)
         if scheme == MANUAL and not port:
             return cls(scheme, "")
         if scheme not in schemes:

@@ -18,35 +18,44 @@ class InstrumentScheme:
         opener: ``module.Class`` that takes the port, imported when one is opened.
         example: a right address, for help and messages.
         what: it stands for, with its article.
+        bare_port: whether it is what a port without a scheme means; of one in a table.
     """
 
     opener: str
     example: str
     what: str
+    bare_port: bool = False
 
 
 SCALES: dict[str, InstrumentScheme] = {
     "loadcell": InstrumentScheme(
-        "calibration.bench.instruments.load_cell.LoadCell", "loadcell:///dev/ttyACM0", "a load cell"
+        "calibration.bench.instruments.load_cell.LoadCell",
+        "loadcell:///dev/ttyACM0",
+        "a load cell",
+        bare_port=True,
     ),
     "mtsics": InstrumentScheme(
         "calibration.bench.instruments.balance.Balance", "mtsics:///dev/ttyUSB0", "a balance"
     ),
 }
-"""Scales by scheme; the first is what a bare port means."""
+"""Scales by scheme."""
 
 SUPPLIES: dict[str, InstrumentScheme] = {
     "scpi": InstrumentScheme(
-        "calibration.bench.instruments.supply.ScpiSupply", "scpi:///dev/ttyUSB0", "a supply with SCPI"
+        "calibration.bench.instruments.supply.ScpiSupply",
+        "scpi:///dev/ttyUSB0",
+        "a supply with SCPI",
+        bare_port=True,
     ),
     "korad": InstrumentScheme(
         "calibration.bench.instruments.supply.KoradSupply", "korad:///dev/ttyACM0", "a Korad"
     ),
 }
-"""Supplies by scheme, each held by a keeper of its own; the first is what a bare port means."""
+"""Supplies by scheme, each held by a keeper of its own."""
 
 
 def in_words(schemes: Iterable[InstrumentScheme]) -> str:
     """Addresses of all `schemes`, and what they stand for."""
-    first, *others = (f"{one.example} for {one.what}" for one in schemes)
-    return ", ".join((f"{first} (or just the port)", *others))
+    return ", ".join(
+        f"{one.example} for {one.what}{' (or just the port)' if one.bare_port else ''}" for one in schemes
+    )
