@@ -41,9 +41,9 @@ def test_the_help_of_options_is_that_of_their_tables_and_imports_no_row() -> Non
         "SUPPLIES['mine'] = replace(SUPPLIES['korad'], example='mine:///dev/supply');"
         "FLIGHT_FORMATS['my_lab'] = 'my_lab.FORMAT'; SCHEMES['my-room'] = SCHEMES['vicon'];"
         "from perchhw.cli.bench_options import Scale, Supply; from perchhw.cli.options import FlightFormat;"
-        "from mocap_bridge.uri import address_forms;"
-        "print(*(option.__metadata__[0].help for option in (Scale, Supply, FlightFormat)), *address_forms());"
         "heavy = {'numba', 'numpy', 'cflib', 'torch', 'matplotlib', 'serial'} & set(sys.modules);"
+        "from perchhw.cli.mocap import watch; Source = watch.__annotations__['uri'];"
+        "print(*(option.__metadata__[0].help for option in (Scale, Supply, FlightFormat, Source)));"
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
