@@ -190,6 +190,12 @@ def _tell(report: "LandingReport", folder: Path | None) -> None:
             f"{found.brier_base_rate_in_sample:.2f}); difference {found.brier_gain:+.2f} "
             f"({low:+.2f} to {high:+.2f})",
         )
+        right = found.brier_if_right
+        say(
+            screen,
+            f"Brier of probabilities that are right {right.mean:.2f} ({right.ci95[0]:.2f} to "
+            f"{right.ci95[1]:.2f}); as bad as {found.brier:.2f} or worse in {right.p_value:.2%}",
+        )
         screen.print(f"log score {found.log_score:.2f}, base rate {found.log_score_base_rate:.2f}")
         if found.auc_four is not None:
             screen.print(f"AUC of four legs {found.auc_four:.2f}")

@@ -85,7 +85,7 @@ def test_a_lab_is_told_what_its_vehicle_file_lacks(few: list[Judged]) -> None:
     """In words with the value in the file beside it, and as a vehicle file that has it."""
     found = few[1].found
     scored = found.fits[0].left_one_out
-    assert judge_outcomes(scored, np.zeros((8, 3)), found) is Verdict.EFFECTS_FOUND
+    assert judge_outcomes(scored, found) is Verdict.EFFECTS_FOUND
     sentences = in_words(Verdict.EFFECTS_FOUND, scored, found)
     assert "pad_capture.speed" in sentences[0]
     assert "(filed 0; runs to 1.2, the end of what was tried" in sentences[0]
@@ -103,11 +103,11 @@ def test_counts_that_the_model_does_not_expect_are_a_gap_without_a_name() -> Non
     sure = np.tile([0.9, 0.08, 0.02], (10, 1))
     rng = np.random.default_rng(0)
     few = score(sure, np.array([0] * 3 + [1] * 7), 100, rng)
-    assert judge_outcomes(few, sure, None) is Verdict.UNEXPLAINED_GAP
+    assert judge_outcomes(few, None) is Verdict.UNEXPLAINED_GAP
     assert "--search" in in_words(Verdict.UNEXPLAINED_GAP, few, None)[0]
     as_said = score(sure, np.array([0] * 9 + [1]), 100, rng)
-    assert judge_outcomes(as_said, sure, None) is Verdict.NO_GAP
-    assert judge_outcomes(None, np.empty((0, 3)), None) is Verdict.CANNOT_TELL
+    assert judge_outcomes(as_said, None) is Verdict.NO_GAP
+    assert judge_outcomes(None, None) is Verdict.CANNOT_TELL
 
 
 def test_a_table_of_judged_sets_goes_on_and_counts_what_was_named(tmp_path: Path) -> None:

@@ -89,8 +89,7 @@ class LandingReport:
     @property
     def verdict(self) -> Verdict:
         """What the outcomes say of the vehicle."""
-        rows, _ = classified(self.real)
-        return judge_outcomes(self.score, self.forecast.probability[rows], self.search)
+        return judge_outcomes(self.score, self.search)
 
     @property
     def words(self) -> tuple[str, ...]:

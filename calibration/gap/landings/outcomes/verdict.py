@@ -2,33 +2,42 @@
 
 import dataclasses
 import math
+from collections.abc import Iterator
 
 from calibration.gap.data.found_effect import Verdict
-from calibration.gap.landings.outcomes.scores import Score, count_interval
+from calibration.gap.landings.outcomes.scores import Score
 from calibration.gap.landings.outcomes.search import GROUPS, LAWS, OutcomeSearch
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, stripped
-from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle
 
-LEVEL = 1.0 - 0.05 / 3.0
-"""Of the intervals of three counts, one of which lies outside in at most 5 % where the model is right."""
+LEVEL = 0.05
+"""Probability at most that a right model is called wrong."""
+
+COUNT_LEVEL = 0.5 * LEVEL / 3.0
+"""Of each of the three counts: half of the level is for the totals,"""
+
+FLIGHTS_LEVEL = 0.5 * LEVEL
+"""and half for the score of the single flights."""
 
 
-def judge_outcomes(score: Score | None, probability: FloatArray, search: OutcomeSearch | None) -> Verdict:
-    """The verdict.
-
-    `score` and `probability` (of four, two, none, (n, 3)) are of the classified flights.
-    """
+def judge_outcomes(score: Score | None, search: OutcomeSearch | None) -> Verdict:
+    """The verdict, from the score of the vehicle as filed on the classified flights."""
     if score is None:
         return Verdict.CANNOT_TELL
     if search is not None and search.named:
         return Verdict.EFFECTS_FOUND
-    intervals = [count_interval(shares, LEVEL) for shares in probability.T]
-    expected = all(
-        low <= count.real <= high for count, (low, high) in zip(score.counts.values(), intervals, strict=True)
-    )
-    return Verdict.NO_GAP if expected else Verdict.UNEXPLAINED_GAP
+    return Verdict.UNEXPLAINED_GAP if _totals_wrong(score) or _flights_wrong(score) else Verdict.NO_GAP
+
+
+def _totals_wrong(score: Score) -> bool:
+    """Whether four, two or none happened another number of times than the model can expect."""
+    return any(count.p_value <= COUNT_LEVEL for count in score.counts.values())
+
+
+def _flights_wrong(score: Score) -> bool:
+    """Whether the probabilities of the flights score worse than they can expect of themselves."""
+    return score.brier_if_right.p_value <= FLIGHTS_LEVEL
 
 
 def in_words(verdict: Verdict, score: Score, search: OutcomeSearch | None) -> tuple[str, ...]:
@@ -43,17 +52,39 @@ def in_words(verdict: Verdict, score: Score, search: OutcomeSearch | None) -> tu
             ""
             if all(count.inside for count in score.counts.values())
             else (
-                f" (all within {LEVEL:.0%}; a right model misses one of three 80 % intervals every other day)"
+                f" (all within {1.0 - COUNT_LEVEL:.0%}; a right model misses one of three 80 % intervals "
+                "every other day)"
             )
         )
         return (
-            f"no gap that {flights} can show: four, two and none happened about as often as expected{beside}",
+            f"no gap that {flights} can show: four, two and none happened about as often as expected{beside}"
+            ", and the single flights score as probabilities that are right do",
         )
-    often = ", ".join(
-        f"{word} {one.real} (expected {one.expected:.1f})" for word, one in score.counts.items()
-    )
     why = "look for what is missing with --search" if search is None else "no known effect explains it"
-    return (f"the simulation is wrong about these landings: {often}; {why}",)
+    return tuple(_disagreements(score, why))
+
+
+def _disagreements(score: Score, why: str) -> Iterator[str]:
+    """What of the simulation is wrong: how many flights end how, or which."""
+    wrong = _totals_wrong(score)
+    if wrong:
+        often = ", ".join(
+            f"{word} {one.real} (expected {one.expected:.1f})" for word, one in score.counts.items()
+        )
+        yield f"the simulation is wrong about these landings: {often}; {why}"
+    if _flights_wrong(score):
+        right = score.brier_if_right
+        which = (
+            "the simulation is wrong about single flights, too"
+            if wrong
+            else "the simulation expects about as many of each as there were, but of other flights"
+        )
+        yield (
+            f"{which}: Brier {score.brier:.2f}, where probabilities that are right get {right.mean:.2f} "
+            f"({right.ci95[0]:.2f} to {right.ci95[1]:.2f}) and one as bad in {right.p_value:.2%}; hold "
+            "labels, triggers and ceilings of the flights that it was sure of against the records"
+            f"{'' if wrong else f'; {why}'}"
+        )
 
 
 def _lacks(search: OutcomeSearch, group: str) -> str:
