@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from calibration.flights import Flight
     from calibration.gap.data.record import NotUsed
     from calibration.gap.landings.outcomes import LandingReport
+    from calibration.gap.landings.outcomes.nested import NestedScore
     from calibration.gap.landings.outcomes.search import OutcomeSearch
     from onboard.outcome import Outcome
     from onboard.vehicle import Vehicle
@@ -209,6 +210,8 @@ def _tell(report: "LandingReport", folder: Path | None) -> None:
         screen.print(f"roll in the flips, not refuted: {', '.join(report.prepared.roll.left) or 'nothing'}")
     if report.search is not None:
         _tell_search(report.search)
+    if report.nested is not None:
+        _tell_nested(report.nested)
     for item in report.unused:
         say(progress_console(), f"not judged: {item.name}: {item.reason}")
     for sentence in (*report.words, *report.prospects):
@@ -253,3 +256,24 @@ def _tell_search(found: "OutcomeSearch") -> None:
             screen,
             f"{group}: {verdict} (Brier {gain.brier:+.3f}, {gain.ci95[0]:+.3f} to {gain.ci95[1]:+.3f})",
         )
+
+
+def _tell_nested(found: "NestedScore") -> None:
+    """The score to quote: that of the best model is of a model which these flights chose."""
+    one, half, best = found.left_one_out, found.halves, found.halves_of_best
+    (low, high), count = one.brier_gain_ci95, sum(found.chosen_by_halves.values())
+    (model, times), (by_halves, times_by_halves) = (
+        next(iter(chosen.items())) for chosen in (found.chosen, found.chosen_by_halves)
+    )
+    say(
+        console(),
+        f"with the model chosen anew without each flight (most often {model}, {times} of {one.flights}): "
+        f"Brier {one.brier:.3f}, base {one.brier_base_rate:.3f}; difference {one.brier_gain:+.2f} "
+        f"({low:+.2f} to {high:+.2f})",
+    )
+    say(
+        console(),
+        f"with the model chosen by the other half (most often {by_halves}, {times_by_halves} of {count}): "
+        f"Brier {half.brier:.3f}, base {half.brier_base_rate:.3f}; the best model of all flights on the same "
+        f"halves {best.brier:.3f}",
+    )

@@ -15,6 +15,7 @@ from calibration.gap.landings.outcomes import (
     prepare,
     read_labels,
 )
+from calibration.gap.landings.outcomes.held_out import held_out, left_one_out
 from calibration.gap.landings.outcomes.labels import LabelsFileError, landing_class
 from calibration.gap.landings.outcomes.pad_laws import LIMITS, mixture
 from calibration.gap.landings.outcomes.prepare import roll_errors
@@ -26,7 +27,6 @@ from calibration.gap.landings.outcomes.scores import (
     reliability,
     score,
 )
-from calibration.gap.landings.outcomes.search import counts_inside, held_out
 from calibration.gap.landings.outcomes.vehicles import (
     WITHOUT,
     bare_parameters,
@@ -200,9 +200,9 @@ def test_halves_say_how_often_counts_are_inside() -> None:
     real = np.array([0, 0, 1, 1, 2, 2])
     own = np.arange(6) % 2 == 0
     right = np.eye(3)[real][None]
-    assert counts_inside(right, np.zeros((1, 6)), real, own) == [True, True, True]
+    assert held_out(right, np.zeros((1, 6)), real, own)[1] == [True, True, True]
     wrong = np.tile([0.0, 0.0, 1.0], (1, 6, 1))
-    assert counts_inside(wrong, np.zeros((1, 6)), real, own) == [False, False, False]
+    assert held_out(wrong, np.zeros((1, 6)), real, own)[1] == [False, False, False]
 
 
 def test_bins_hold_equal_counts_by_rising_probability() -> None:
@@ -241,7 +241,7 @@ def test_every_flight_is_predicted_from_flights_that_are_not_it() -> None:
     knows[0] = [1.0, 0.0, 0.0]
     table = np.stack([uniform, knows])
     logs = np.log(np.maximum(table[:, np.arange(4), real], 1e-9))
-    left = held_out(table, logs, np.arange(4))
+    left = left_one_out(table, logs)
     assert left[0] == pytest.approx([2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0])  # both vehicles as likely as before
 
 

@@ -12,6 +12,7 @@ from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.outcomes.dispersion import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, LABELS_FILE, landing_class
+from calibration.gap.landings.outcomes.nested import NestedScore, nested_score
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
 from calibration.gap.landings.outcomes.prepare import CLOCK_BOUND, PreparedLandings, roll_errors
 from calibration.gap.landings.outcomes.scores import Score, score
@@ -65,6 +66,7 @@ class LandingReport:
         expectation: of more flights like these, with this vehicle; None likewise.
         unused: flights that are not judged.
         search: which effects are missing; None: not asked.
+        nested: score of the search, its model chosen without the flights that it predicts; None likewise.
         improved: the vehicle with what the search named; None where it named nothing.
     """
 
@@ -78,6 +80,7 @@ class LandingReport:
     expectation: JudgedExpectation | None
     unused: tuple[NotUsed, ...]
     search: OutcomeSearch | None = None
+    nested: NestedScore | None = None
     improved: ImprovedVehicle | None = None
 
     @property
@@ -164,9 +167,15 @@ class LandingReport:
                 "roll_rate_rms_with_it_rad_s": _rms(left),
                 "roll": self.prepared.roll,
             },
-            **({"effects": None} if self.search is None else self.search.json_shape()),
+            **self._searched(),
             "unusable": self.unused,
         }
+
+    def _searched(self) -> dict[str, Any]:
+        if self.search is None:
+            return {"effects": None}
+        found = self.search.json_shape()
+        return {**found, "search": {**found["search"], "nested": self.nested}}
 
     def _flight(self, index: int) -> dict[str, Any]:
         flight, real = self.forecast.flights[index], self.real[index]
@@ -249,7 +258,9 @@ def search_report(report: LandingReport, progress: Callable[[float], None] = lam
     table = tabulate(report.prepared, bare, points, progress)[:, rows]
     rng = np.random.default_rng([report.seed, 2])
     found = search_outcomes(points, table, known, report.forecast.draws, rng, filed)
-    return replace(report, search=found, improved=_improved(report, found, known))
+    again = np.random.default_rng([report.seed, 6])
+    nested = nested_score(found, points, table, known, report.forecast.draws, again, filed)
+    return replace(report, search=found, nested=nested, improved=_improved(report, found, known))
 
 
 def _improved(report: LandingReport, found: OutcomeSearch, known: IntArray) -> ImprovedVehicle | None:

@@ -10,27 +10,24 @@ sure of it). Flights are predicted from the others: one left out, and each half 
 probabilities to probabilities.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.gap.landings.outcomes.labels import CLASS_NAMES
-from calibration.gap.landings.outcomes.scores import (
-    REPLICATES,
-    Score,
-    auc_of,
-    base_rates,
-    brier,
-    count_interval,
-    score,
-    surprise,
+from calibration.gap.landings.outcomes.held_out import (
+    HalfScore,
+    half_score,
+    held_out,
+    left_one_out,
+    posterior,
 )
+from calibration.gap.landings.outcomes.scores import Score, brier, score, surprise
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, NATURAL_ENDS, UNITS, WITHOUT, Point
 from calibration.measurement import Interval, drawn_again, interval_of
-from onboard.arrays import BoolArray, FloatArray, IntArray
+from onboard.arrays import FloatArray, IntArray
 
 LEAST_GAIN = 0.05
 """Of the Brier score: what predicts flights better by less is not named, however sure. Where nearly all feet
@@ -41,9 +38,6 @@ DRAWN = 20_000
 
 END_SHARE = 0.05
 """Of a posterior at the outermost value that was tried: with more its moments are those of the edge."""
-
-SPLITS = 20
-"""Ways of cutting the flights into halves: one alone says much about its own luck."""
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "hinges": ("stiffness", "damping"),
@@ -71,30 +65,6 @@ MODELS: tuple[tuple[str, ...], ...] = (
     *((*groups, shape) for shape in _SHAPES for groups in ((), ("hinges",), ("pads",), ("hinges", "pads"))),
 )
 """Which groups are open; the rest is as filed."""
-
-
-def posterior(logs: FloatArray, rows: BoolArray) -> FloatArray:
-    """Shares (points,) of vehicles after the flights `rows` (n,), from ln p of what happened (points, n)."""
-    total = logs[:, rows].sum(axis=1)
-    weight = np.exp(total - total.max())
-    return np.asarray(weight / weight.sum())
-
-
-def held_out(table: FloatArray, logs: FloatArray, folds: IntArray) -> FloatArray:
-    """Predictions (n, 3) of each flight from those of other folds."""
-    out = np.empty(table.shape[1:])
-    for fold in np.unique(folds):
-        own = folds == fold
-        out[own] = np.tensordot(posterior(logs, ~own), table[:, own], 1)
-    return out
-
-
-def counts_inside(table: FloatArray, logs: FloatArray, real: IntArray, own: BoolArray) -> list[bool]:
-    """Whether the numbers of four, two, none among the flights `own` (n,) are as the others say (80 %)."""
-    share = posterior(logs, ~own)
-    happened = np.bincount(real[own], minlength=3)
-    intervals = [count_interval(table[:, own, k], share=share) for k in range(3)]
-    return [low <= count <= high for count, (low, high) in zip(happened, intervals, strict=True)]
 
 
 class GridEstimate(NamedTuple):
@@ -127,6 +97,11 @@ class GridEstimate(NamedTuple):
         }
 
 
+def model_name(groups: Sequence[str]) -> str:
+    """A model in words, from the groups that it leaves open."""
+    return ", ".join(groups) or "as filed"
+
+
 @dataclass(frozen=True)
 class Change:
     """Mean change of the Brier score over flights from one model to another, with its 95 % interval (flights
@@ -141,26 +116,6 @@ class Gain(Change):
     """A change, also without the flight that speaks most for it: no name rests on one flight."""
 
     without_best_flight: float
-
-
-@dataclass(frozen=True)
-class HalfScore:
-    """Flights predicted from a half that they are not in, with the base rate of that half beside it.
-
-    Attributes:
-        brier, brier_base_rate: mean over flights and splits.
-        brier_gain: their difference. brier_gain_ci95: 95 %, flights drawn again.
-        auc_four: mean over splits; None where a split has no such flights.
-        inside80: share of the halves whose numbers of four, two, none lie in the 80 % interval that the other
-            half predicts of them.
-    """
-
-    brier: float
-    brier_base_rate: float
-    brier_gain: float
-    brier_gain_ci95: Interval
-    auc_four: float | None
-    inside80: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -189,7 +144,7 @@ class ModelFit:
     @property
     def name(self) -> str:
         """In words."""
-        return ", ".join(self.groups) or "as filed"
+        return model_name(self.groups)
 
     def json_shape(self) -> dict[str, Any]:
         """As a JSON object."""
@@ -273,31 +228,72 @@ def search_outcomes(
         rng: draws flights.
         filed: one of the vehicles: what a group has that is not open.
     """
-    logs = np.array([-surprise(one, real, draws) for one in table])
+    logs = logs_of(table, real, draws)
     fits = tuple(_fit(groups, filed, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
     drawn = drawn_again(real.size, DRAWN, rng)
-    best_with = {group: _best([fit for fit in fits if group in fit.groups]) for group in GROUPS}
+    log_scores = np.array([fit.left_one_out.log_score for fit in fits])
+    selected = select(log_scores, np.array([fit.brier for fit in fits]), drawn)
+    return OutcomeSearch(
+        fits=fits,
+        best=fits[selected.best],
+        named=selected.named,
+        gains=selected.gains,
+        values=_averaged(selected.named, fits, np.array(points)),
+        laws=selected.laws,
+        filed=filed,
+    )
+
+
+def logs_of(table: FloatArray, real: IntArray, draws: int) -> FloatArray:
+    """ln p of what happened (points, n), from predictions (points, n, 3) and classes (n,)."""
+    return np.array([-surprise(one, real, draws) for one in table])
+
+
+class Selection(NamedTuple):
+    """What is said where the models score so.
+
+    Attributes:
+        best: index of the model. named, gains, laws: as in :class:`OutcomeSearch`.
+    """
+
+    best: int
+    named: tuple[str, ...]
+    gains: dict[str, Gain]
+    laws: dict[str, Change]
+
+
+def select(log_scores: FloatArray, briers: FloatArray, drawn: IntArray) -> Selection:
+    """Choose among MODELS (m), and say what is missing.
+
+    Args:
+        log_scores: (m,), left one out. briers: by flight (m, n), likewise.
+        drawn: sets of flights (sets, n), for intervals.
+    """
+
+    def best(models: Iterable[int]) -> int:
+        return min(models, key=lambda model: float(log_scores[model]))
+
+    models = list(enumerate(MODELS))
     gains = {}
     for group in GROUPS:
-        shut = LAWS if group in LAWS else (group,)
-        change = best_with[group].brier - _best([f for f in fits if not set(shut) & set(f.groups)]).brier
+        shut = set(LAWS) if group in LAWS else {group}
+        with_it = best(m for m, groups in models if group in groups)
+        without = best(m for m, groups in models if not shut & set(groups))
+        change = briers[with_it] - briers[without]
         gains[group] = Gain(*_mean_of(change, drawn), float(np.sort(change)[1:].mean()))
     told = [
         group for group, one in gains.items() if one.ci95[1] < 0.0 and one.without_best_flight <= -LEAST_GAIN
     ]
-    like = [fit for fit in fits if set(fit.groups) <= {"hinges", *LAWS}]  # what all laws were tried with
-    laws = {law: _best([fit for fit in like if law in fit.groups]) for law in LAWS}
+    like = {"hinges", *LAWS}  # what all laws were tried with
+    laws = {law: best(m for m, groups in models if law in groups and set(groups) <= like) for law in LAWS}
     able = [law for law in LAWS if law in told] or LAWS
-    chosen = min(able, key=lambda law: laws[law].left_one_out.log_score)
+    chosen = min(able, key=lambda law: log_scores[laws[law]])
     named = tuple(group for group in told if group not in LAWS or group == chosen)
-    return OutcomeSearch(
-        fits=fits,
-        best=_best([fit for fit in fits if chosen not in named or chosen in fit.groups]),
+    return Selection(
+        best=best(m for m, groups in models if chosen not in named or chosen in groups),
         named=named,
         gains=gains,
-        values=_averaged(named, fits, np.array(points)),
-        laws={law: Change(*_mean_of(laws[law].brier - laws[chosen].brier, drawn)) for law in LAWS},
-        filed=filed,
+        laws={law: Change(*_mean_of(briers[laws[law]] - briers[laws[chosen]], drawn)) for law in LAWS},
     )
 
 
@@ -321,52 +317,37 @@ def _mean_of(change: FloatArray, drawn: IntArray) -> tuple[float, Interval]:
     return float(change.mean()), interval_of(change[drawn].mean(axis=1))
 
 
-def _best(fits: Sequence[ModelFit]) -> ModelFit:
-    return min(fits, key=lambda fit: fit.left_one_out.log_score)
-
-
 def _fit(
     groups: tuple[str, ...], filed: Point, points: FloatArray, table: FloatArray, logs: FloatArray,
     real: IntArray, draws: int, rng: np.random.Generator,
 ) -> ModelFit:  # fmt: skip
-    free = {name: Point._fields.index(name) for group in groups for name in GROUPS[group]}
-    shut = np.setdiff1d(np.arange(len(filed)), list(free.values()))
-    rest = filed
-    if set(LAWS) & set(groups):  # one law in place of what is filed
-        rest = filed._replace(**{name: getattr(WITHOUT, name) for law in LAWS for name in GROUPS[law]})
-    rows = np.flatnonzero(np.all(points[:, shut] == np.array(rest)[shut], axis=1))
+    rows = open_vehicles(groups, filed, points)
     own, own_logs = table[rows], logs[rows]
-    left = held_out(own, own_logs, np.arange(real.size))
+    left = left_one_out(own, own_logs)
     share = posterior(own_logs, np.ones(real.size, dtype=np.bool_))
     shares = np.zeros(len(points))
     shares[rows] = share
+    free = [name for group in groups for name in GROUPS[group]]
     return ModelFit(
         groups=groups,
         left_one_out=score(left, real, draws, rng),
-        halves=_halves(own, own_logs, real, rng),
+        halves=half_score(real, lambda half: held_out(own, own_logs, real, half), rng),
         left_out=left,
         brier=brier(left, real),
-        values={name: estimate_of(name, points[rows, axis], share) for name, axis in free.items()},
+        values={name: estimate_of(name, points[rows, Point._fields.index(name)], share) for name in free},
         shares=shares,
         log_evidence=float(np.logaddexp.reduce(own_logs.sum(axis=1)) - np.log(rows.size)),
     )
 
 
-def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.Generator) -> HalfScore:
-    own, base, areas = np.empty((SPLITS, real.size)), np.empty((SPLITS, real.size)), []
-    inside = []
-    for split in range(SPLITS):
-        folds = rng.permutation(np.arange(real.size) % 2)
-        predicted = held_out(table, logs, folds)
-        inside += [counts_inside(table, logs, real, folds == fold) for fold in (0, 1)]
-        own[split], base[split] = brier(predicted, real), brier(base_rates(real, folds), real)
-        areas.append(auc_of(predicted[:, 0], real == 0))
-    change = (own - base).mean(axis=0)
-    gain, interval = _mean_of(change, drawn_again(real.size, REPLICATES, rng))
-    known = [area for area in areas if area is not None]
-    auc = float(np.mean(known)) if known else None
-    held = {name: float(share) for name, share in zip(CLASS_NAMES, np.mean(inside, axis=0), strict=True)}
-    return HalfScore(float(own.mean()), float(base.mean()), gain, interval, auc, held)
+def open_vehicles(groups: tuple[str, ...], filed: Point, points: FloatArray) -> IntArray:
+    """Indices of the vehicles (points, coordinates) that a model leaves open."""
+    free = [Point._fields.index(name) for group in groups for name in GROUPS[group]]
+    shut = np.setdiff1d(np.arange(len(filed)), free)
+    rest = filed
+    if set(LAWS) & set(groups):  # one law in place of what is filed
+        rest = filed._replace(**{name: getattr(WITHOUT, name) for law in LAWS for name in GROUPS[law]})
+    return np.flatnonzero(np.all(points[:, shut] == np.array(rest)[shut], axis=1))
 
 
 def estimate_of(name: str, value: FloatArray, share: FloatArray) -> GridEstimate:
