@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from calibration.flights import Flight
     from calibration.gap.data.record import NotUsed
     from calibration.gap.landings.outcomes import LandingReport
+    from calibration.gap.landings.outcomes.body_contact import ContactScore
     from calibration.gap.landings.outcomes.nested import NestedScore
     from calibration.gap.landings.outcomes.search import OutcomeSearch
     from onboard.outcome import Outcome
@@ -80,14 +81,16 @@ def landings_command(
     if not prepared.starts:
         reasons = _grouped((*prepared.unused, *refused)) or "there is no flight"
         raise InputError(f"no flight has a trigger to start from: {reasons}")
-    real = [_outcome(start.flight, labels, model) for start in prepared.starts]
+    told = [_outcome(start.flight, labels, model) for start in prepared.starts]
+    real = [outcome for outcome, _ in told]
     if search:
         require_searchable(real)  # before minutes of simulation
     with share_done("simulating") as simulated:
         parameters = physics_parameters(model, RoomGeometry())
         found = forecast(prepared, parameters, lambda share: simulated(share, 1.0))
     labelled = [start.flight.source in labels for start in prepared.starts]
-    report = landing_report(prepared, found, real, labelled, model, seed, refused)
+    shows_contact = [shows for _, shows in told]
+    report = landing_report(prepared, found, real, labelled, model, seed, refused, shows_contact)
     if search:
         try:
             with share_done("searching") as searched:
@@ -126,18 +129,21 @@ def _grouped(unused: "Sequence[NotUsed]") -> str:
     return "; ".join([*words, *([f"and {rest} more flights"] if rest else [])])
 
 
-def _outcome(flight: "Flight", labels: "dict[Path, Outcome]", vehicle: "Vehicle") -> "Outcome | None":
-    """What people said of a flight, else what its data show."""
+def _outcome(
+    flight: "Flight", labels: "dict[Path, Outcome]", vehicle: "Vehicle"
+) -> "tuple[Outcome | None, bool]":
+    """What people said of a flight, else what its data show; and whether that tells body contact."""
     from perchhw.label import LabelError, label_flight
 
     if flight.source in labels:
-        return labels[flight.source]
+        return labels[flight.source], True
     if any(file.parent == flight.source.parent for file in labels):
-        return None  # its neighbours were classified, and it was not
+        return None, False  # its neighbours were classified, and it was not
     try:
-        return label_flight(flight, vehicle).outcome
+        label = label_flight(flight, vehicle)
     except LabelError:
-        return None
+        return None, False
+    return label.outcome, label.shows_body_contact
 
 
 _DOCUMENT, _PAGE = "landings.json", "landings.html"
@@ -206,6 +212,8 @@ def _tell(report: "LandingReport", folder: Path | None) -> None:
                 f"{word}: {count.real} real, {count.expected:.1f} expected "
                 f"(80 %: {low_count} to {high_count}{'' if count.inside else '; outside'})"
             )
+    if report.contact_score is not None:
+        _tell_contact(report.contact_score)
     if report.prepared.roll is not None:
         screen.print(f"roll in the flips, not refuted: {', '.join(report.prepared.roll.left) or 'nothing'}")
     if report.search is not None:
@@ -222,6 +230,20 @@ def _tell(report: "LandingReport", folder: Path | None) -> None:
         screen.print(f"vehicle with it: {folder / VEHICLE_FILE}", markup=False, soft_wrap=True)
     screen.print(f"document: {folder / _DOCUMENT}", markup=False, soft_wrap=True)
     screen.print(f"page: {folder / _PAGE}", markup=False, soft_wrap=True)
+
+
+def _tell_contact(found: "ContactScore") -> None:
+    count, (low, high) = found.count, found.brier_gain_ci95
+    least, most = count.interval80
+    auc = "" if found.auc is None else f"; AUC {found.auc:.2f}"
+    say(
+        console(),
+        f"body contact of {found.flights} flights that held: {count.real} real, {count.expected:.1f} "
+        f"expected (80 %: {least} to {most}{'' if count.inside else '; outside'}); Brier {found.brier:.2f}, "
+        f"base rate {found.brier_base_rate:.2f}, difference {found.brier_gain:+.2f} "
+        f"({low:+.2f} to {high:+.2f}); log score {found.log_score:.2f}, base rate "
+        f"{found.log_score_base_rate:.2f}{auc}",
+    )
 
 
 def _tell_search(found: "OutcomeSearch") -> None:

@@ -58,6 +58,12 @@ class LandingLabel:
     evidence: dict[str, Any]
     limits: tuple[str, ...] = ()
 
+    @property
+    def shows_body_contact(self) -> bool:
+        """Whether the data would show that the body touched, and that it did not: a gyro alone sees a touch
+        at best, never that there was none."""
+        return self.method in ("truth", "pose")
+
     def json_shape(self) -> dict[str, Any]:
         """The label as a JSON object."""
         evidence = {"method": self.method, "body_contact_seen": self.body_contact_seen, **self.evidence}

@@ -61,6 +61,26 @@ def real_of(prepared: PreparedLandings, labels: dict[Path, Outcome]) -> list[Out
     return [labels[start.flight.source] for start in prepared.starts]
 
 
+def test_body_contact_is_scored_among_landings_that_held(
+    prepared: PreparedLandings, labels: dict[Path, Outcome]
+) -> None:
+    """26 of the authors' flights held, 7 of them with contact; outcomes by gyro alone do not tell."""
+    vehicle = load_vehicle(STORED)
+    found = forecast(prepared, physics_parameters(vehicle, RoomGeometry()))
+    for flight in found.flights:
+        assert flight.held == round((1.0 - flight.probability[2]) * DRAWS)
+        touched_and_held = flight.held * (flight.body_contact_held or 0.0)
+        assert touched_and_held <= DRAWS * flight.body_contact + 1e-9
+        assert DRAWS * flight.body_contact <= touched_and_held + (DRAWS - flight.held) + 1e-9
+    real = real_of(prepared, labels)
+    report = landing_report(prepared, found, real, [True] * len(real), vehicle, seed=0)
+    contact = as_json(report)["body_contact_score"]
+    assert (contact["flights"], contact["count"]["real"]) == (26, 7)
+    by_gyro = landing_report(prepared, found, real, [False] * len(real), vehicle, seed=0)
+    assert by_gyro.contact_score is None
+    assert by_gyro.score == report.score
+
+
 @pytest.mark.further
 def test_the_filed_vehicle_scores_what_was_measured_outside(
     prepared: PreparedLandings, labels: dict[Path, Outcome]

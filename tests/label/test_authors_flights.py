@@ -74,6 +74,7 @@ def test_what_cannot_be_seen_is_said(labels: dict[str, LandingLabel]) -> None:
     for label in labels.values():
         if label.method != "gyro":
             continue
+        assert not label.shows_body_contact
         assert any("onboard estimate is unreliable" in limit for limit in label.limits)
         if label.outcome in (Outcome.FOUR_LEG, Outcome.TWO_LEG):
             assert not label.body_contact_seen

@@ -143,6 +143,7 @@ def test_truth_columns_decide_directly(four_leg: Flight, feet: int, contact: int
     valid = {**four_leg.valid, **{name: np.ones(n, dtype=np.bool_) for name in truth}}
     flight = dataclasses.replace(four_leg, data=data, valid=valid, trigger=None)
     label = label_from_truth(flight)
+    assert label.shows_body_contact
     assert (label.outcome, label.method) == (outcome, "truth")
     assert as_json(label)["evidence"]["n_feet"] == feet
 

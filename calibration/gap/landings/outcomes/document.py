@@ -9,6 +9,7 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.gap.data.found_effect import Verdict
 from calibration.gap.data.record import NotUsed
+from calibration.gap.landings.outcomes.body_contact import ContactScore, contact_score, touched
 from calibration.gap.landings.outcomes.dispersion import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, LABELS_FILE, landing_class
@@ -63,6 +64,7 @@ class LandingReport:
         prepared: the flights. forecast: what the vehicle expects of them, in the same order.
         real: outcome of each, None where nobody classified it. labelled: which of them people wrote down.
         score: of the classified ones; None when there are fewer than LEAST_FLIGHTS.
+        contact_score: of body contact, of the flights of which it is known; None likewise.
         expectation: of more flights like these, with this vehicle; None likewise.
         unused: flights that are not judged.
         search: which effects are missing; None: not asked.
@@ -77,6 +79,7 @@ class LandingReport:
     real: tuple[Outcome | None, ...]
     labelled: tuple[bool, ...]
     score: Score | None
+    contact_score: ContactScore | None
     expectation: JudgedExpectation | None
     unused: tuple[NotUsed, ...]
     search: OutcomeSearch | None = None
@@ -155,6 +158,7 @@ class LandingReport:
             "draws": self.forecast.draws,
             "flights": [self._flight(index) for index in range(len(self.real))],
             "score": self.score,
+            "body_contact_score": self.contact_score,
             "expectation": self.expectation,
             "improved": self.improved,
             "dispersion": self.prepared.dispersion,
@@ -186,6 +190,7 @@ class LandingReport:
             "real_from": None if real is None else LABELS_FILE if self.labelled[index] else "flight",
             **shares,
             "p_body_contact": flight.body_contact,
+            "p_body_contact_if_held": flight.body_contact_held,
             "ceiling_m": float(self.prepared.ceilings[index]),
             "contact_s": flight.contact,
             "contact_measured_s": flight.measured_contact,
@@ -200,6 +205,7 @@ def landing_report(
     vehicle: Vehicle,
     seed: int,
     unreadable: Sequence[NotUsed] = (),
+    shows_contact: Sequence[bool] | None = None,
 ) -> LandingReport:
     """Score a forecast.
 
@@ -208,6 +214,8 @@ def landing_report(
         real: outcomes in the order of the starts. labelled: which of them people wrote down.
         vehicle: the model. seed: of the draws; the bootstrap has a stream of its own.
         unreadable: files that hold no flight.
+        shows_contact: of which the outcome tells body contact where a leg holds; default: of those
+            that people wrote down.
     """
     rows, known = classified(real)
     scored = expected = None
@@ -215,9 +223,19 @@ def landing_report(
         shares = found.probability[rows]
         scored = score(shares, known, found.draws, np.random.default_rng([seed, 1]))
         expected = judged_expectation(shares[:, FOUR], known == FOUR, np.random.default_rng([seed, 3]))
-    unused = (*unreadable, *prepared.unused)
+    shown = labelled if shows_contact is None else shows_contact
+    contact = [touched(one) if shows else None for one, shows in zip(real, shown, strict=True)]
     return LandingReport(
-        vehicle, seed, prepared, found, tuple(real), tuple(labelled), scored, expected, unused
+        vehicle=vehicle,
+        seed=seed,
+        prepared=prepared,
+        forecast=found,
+        real=tuple(real),
+        labelled=tuple(labelled),
+        score=scored,
+        contact_score=contact_score(found.flights, contact, LEAST_FLIGHTS, np.random.default_rng([seed, 4])),
+        expectation=expected,
+        unused=(*unreadable, *prepared.unused),
     )
 
 

@@ -24,6 +24,8 @@ class Forecast:
     Attributes:
         probability: (3,), of four legs, two, none (:mod:`..labels`).
         body_contact: probability that hull or propellers touch the ceiling.
+        held: simulated landings in which a leg holds.
+        body_contact_held: share of these that touch so; None: there are none.
         contact: s after the trigger, median of the first contact; None: most never touch.
         measured_contact: s, from the gyro; None: unseen.
     """
@@ -31,6 +33,8 @@ class Forecast:
     name: str
     probability: FloatArray
     body_contact: float
+    held: int
+    body_contact_held: float | None
     contact: float | None
     measured_contact: float | None
 
@@ -71,8 +75,17 @@ def _forecast_one(start: TriggerStart, prepared: PreparedLandings, index: int, p
     shares = shares_of(out["feet"])
     touched = out["impact_time"][out["contact"] > 0]
     contact = float(np.median(touched)) if 2 * touched.size > len(out) else None
-    body = float(np.mean(out["body_contact"]))
-    return Forecast(start.name, shares, body, contact, prepared.contact(index))
+    body, held = out["body_contact"] > 0, out["feet"] > 0
+    count = int(np.sum(held))
+    return Forecast(
+        name=start.name,
+        probability=shares,
+        body_contact=float(np.mean(body)),
+        held=count,
+        body_contact_held=float(np.mean(body[held])) if count else None,
+        contact=contact,
+        measured_contact=prepared.contact(index),
+    )
 
 
 def scattered(

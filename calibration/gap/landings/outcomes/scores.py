@@ -130,14 +130,14 @@ class Score:
         return {**document, "counts": counts, "reliability": reliability}
 
 
-def base_rates(real: IntArray, folds: IntArray | None = None) -> FloatArray:
-    """Frequencies (n, 3) of the classes among the flights of other folds (default: all others)."""
-    happened = np.eye(3)[real]
+def base_rates(real: IntArray, folds: IntArray | None = None, classes: int = 3) -> FloatArray:
+    """Frequencies (n, classes) of the classes among the flights of other folds (default: all others)."""
+    happened = np.eye(classes)[real]
     groups = np.arange(real.size) if folds is None else folds
-    out = np.empty((real.size, 3))
+    out = np.empty((real.size, classes))
     for group in np.unique(groups):
         own = groups == group
-        out[own] = happened[~own].mean(axis=0) if not own.all() else 1.0 / 3.0
+        out[own] = happened[~own].mean(axis=0) if not own.all() else 1.0 / classes
     return out
 
 
@@ -177,13 +177,14 @@ def brier(probability: FloatArray, real: IntArray) -> FloatArray:
     return np.asarray(((probability - np.eye(3)[real]) ** 2).sum(axis=1))
 
 
-def smoothed(probability: FloatArray, draws: int) -> FloatArray:
+def smoothed(probability: FloatArray, draws: int | IntArray) -> FloatArray:
     """Probabilities (n, k) with each class counted once more than it was drawn (Laplace's rule of
-    succession): what never happened in some hundred landings is not impossible."""
+    succession): what never happened in some hundred landings is not impossible. `draws`: of all flights, or
+    of each (n, 1)."""
     return np.asarray((probability * draws + 1.0) / (draws + probability.shape[-1]))
 
 
-def surprise(probability: FloatArray, real: IntArray, draws: int) -> FloatArray:
+def surprise(probability: FloatArray, real: IntArray, draws: int | IntArray) -> FloatArray:
     """-ln of the probability of what happened (n,), :func:`smoothed`."""
     return np.asarray(-np.log(smoothed(probability, draws)[np.arange(len(real)), real]))
 
