@@ -1,10 +1,11 @@
 """A figure with what it means, as a section of a page and as a file."""
 
-import io
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from calibration.report_style import png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,11 +34,6 @@ def save_pictures(pictures: Iterable[Picture], folder: Path | None) -> None:
     """Write every figure as ``NAME.png`` with 256 colours into a folder; None for none."""
     if folder is None:
         return
-    from PIL import Image
-
     folder.mkdir(parents=True, exist_ok=True)
     for picture in pictures:
-        drawn = io.BytesIO()
-        picture.figure.savefig(drawn, format="png", dpi=_DPI)
-        image = Image.open(drawn).convert("RGB").quantize(256, dither=Image.Dither.NONE)
-        image.save(folder / f"{picture.name}.png", optimize=True)
+        (folder / f"{picture.name}.png").write_bytes(png(picture.figure, _DPI))
