@@ -1,5 +1,6 @@
 """``perchhw gap landings``: how landings end, predicted from each flight's trigger, beside how they did."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from calibration.gap.landings.outcomes.body_contact import ContactScore
     from calibration.gap.landings.outcomes.nested import NestedScore
     from calibration.gap.landings.outcomes.search import OutcomeSearch
+    from calibration.gap.report.landing_pictures import LandingPicture
     from onboard.outcome import Outcome
     from onboard.vehicle import Vehicle
 
@@ -43,6 +45,9 @@ def landings_command(
         typer.Option(
             help="Folder for landings.json, landings.html and, where --search finds something, vehicle.toml."
         ),
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Folder for a PNG of each flight's motion, real and simulated.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
 ) -> None:
@@ -70,8 +75,9 @@ def landings_command(
     model = load_vehicle(vehicle, legs=legs)
     if model.legs is None:
         raise InputError(f"vehicle {vehicle!r} has no legs to land on: choose a design with --legs")
-    if out is not None:
-        require_writable(out)
+    for folder in (out, pictures):
+        if folder is not None:
+            require_writable(folder)
     files = [file for file in flight_files([*data, *(more or [])]) if file.name != LABELS_FILE]
     flights, unreadable = open_flights(files, format)
     sources = [flight.source for flight in flights]
@@ -97,19 +103,25 @@ def landings_command(
                 report = search_report(report, lambda share: searched(share, 1.0))
         except KeyboardInterrupt:
             say(progress_console(), "stopping the search, which was not finished: this is known without it")
-            _give(report, out)
+            _give(report, out, pictures)
             raise
-    _give(report, out)
+    _give(report, out, pictures)
 
 
-def _give(report: "LandingReport", out: Path | None) -> None:
+def _give(report: "LandingReport", out: Path | None, pictures: Path | None) -> None:
     """Write what was found, tell it, and draw its page, which takes seconds: whoever ends it has all else."""
     if out is not None:
         _write(report, out)
     emit(report, lambda: _tell(report, out))
+    if out is None and pictures is None:
+        return
+    say(progress_console(), f"drawing {pictures if out is None else out / _PAGE}")
+    drawn = _draw(report)
+    if pictures is not None:
+        for one in drawn:
+            _save(pictures, f"{_IN_NO_FILE_NAME.sub('_', one.name)}.png", one.drawn)
     if out is not None:
-        say(progress_console(), f"drawing {out / _PAGE}")
-        _draw(report, out)
+        _save(out, _PAGE, _page(report, drawn))
 
 
 _REASONS = 3  # that an error tells
@@ -147,6 +159,7 @@ def _outcome(
 
 
 _DOCUMENT, _PAGE = "landings.json", "landings.html"
+_IN_NO_FILE_NAME = re.compile(r"[^\w.+-]")
 
 
 def _write(report: "LandingReport", folder: Path) -> None:
@@ -164,15 +177,31 @@ def _write(report: "LandingReport", folder: Path) -> None:
         raise OutputFolderError(folder, error.strerror) from error
 
 
-def _draw(report: "LandingReport", folder: Path) -> None:
-    from calibration.gap.report.landings_page import landings_page
-    from onboard.record.folder import OutputFolderError
+def _draw(report: "LandingReport") -> "list[LandingPicture]":
+    from calibration.gap.report.landing_pictures import landing_pictures
     from onboard.room import RoomGeometry
     from sim_backend.physics.parameters import physics_parameters
 
-    page = landings_page(report, physics_parameters(report.vehicle, RoomGeometry()))
+    found = []
+    with share_done("drawing") as drawn:
+        for picture in landing_pictures(report, physics_parameters(report.vehicle, RoomGeometry())):
+            found.append(picture)
+            drawn(len(found), len(report.real))
+    return found
+
+
+def _page(report: "LandingReport", pictures: "list[LandingPicture]") -> bytes:
+    from calibration.gap.report.landings_page import landings_page
+
+    return landings_page(report, pictures).encode("utf-8")
+
+
+def _save(folder: Path, name: str, content: bytes) -> None:
+    from onboard.record.folder import OutputFolderError
+
     try:
-        (folder / _PAGE).write_text(page, encoding="utf-8")
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error
 

@@ -274,7 +274,9 @@ def test_a_search_that_is_interrupted_leaves_the_forecast(
     rows = [f"{flight.source.name},four_leg" for flight in day[:4]]
     (tmp_path / "labels.csv").write_text("\n".join(["file,outcome", *rows]) + "\n")
     command = ["--json", "gap", "landings", "--data", str(tmp_path), "--vehicle", VEHICLE, "--draws", "20"]
-    assert run([*command, "--search", "--out", str(tmp_path / "out")]) == 130
+    shown = tmp_path / "shown"
+    assert run([*command, "--search", "--out", str(tmp_path / "out"), "--pictures", str(shown)]) == 130
+    assert {file.stem for file in shown.iterdir()} == {flight.name for flight in day[:4]}
     told = capsys.readouterr()
     said = json.loads(told.out)
     assert len(said["flights"]) == 4

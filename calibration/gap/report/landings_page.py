@@ -1,30 +1,25 @@
 """The page of ``perchhw gap landings``: predicted beside real outcomes, and each flight's motion."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.gap.landings.kernels import COLUMNS, OMEGA
 from calibration.gap.landings.outcomes.document import LandingReport, classified
-from calibration.gap.landings.outcomes.kernels import trace_flips
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
-from calibration.gap.landings.outcomes.predict import scattered
-from calibration.gap.landings.outcomes.prepare import SETTINGS
 from calibration.gap.landings.outcomes.roll import REFUTED, RollEvidence
 from calibration.gap.landings.outcomes.scores import Score
 from calibration.gap.landings.outcomes.search import OutcomeSearch
+from calibration.gap.report.landing_pictures import LandingPicture, by_surprise
+from calibration.gap.report.landing_style import CLASS_COLOURS, CLASS_MARKERS, CLASS_WORDS, short_name
 from calibration.report_style import (
     BLUE,
-    GREEN,
-    INK,
     MUTED,
-    ORANGE,
-    TRIGGER,
     by_width,
     new_figure,
     page,
+    pixels,
     report_style,
     section,
     svg,
@@ -36,29 +31,24 @@ from onboard.json_file import as_json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COLOURS = (GREEN, ORANGE, TRIGGER)
-_MARKERS = ("o", "s", "X")
-_WORDS = ("four legs", "two legs", "none")
-_MOTION = 0.6
-"""s after the trigger that the motion is drawn for."""
-_MOTIONS = 30
-"""Simulated landings whose motion is drawn."""
+_WORDS, _COLOURS = tuple(CLASS_WORDS.values()), tuple(CLASS_COLOURS.values())
+_MARKERS = tuple(CLASS_MARKERS.values())
 
 
-def landings_page(report: LandingReport, parameters: Any) -> str:
+def landings_page(report: LandingReport, pictures: Sequence[LandingPicture]) -> str:
     """The whole page; it loads nothing from elsewhere.
 
     Args:
-        report: what to show. parameters: physics of its vehicle, for the motions.
+        report: what to show. pictures: of its landings (:func:`.landing_pictures.landing_pictures`).
     """
     with report_style():
-        body = "".join(_sections(report, parameters))
+        body = "".join(_sections(report, pictures))
     title = f"Landings of {report.vehicle.name}: predicted and real"
     draws = f"{report.forecast.draws} simulated landings each"
     return page(title, f"{len(report.real)} flights, {draws}, seed {report.seed}", body)
 
 
-def _sections(report: LandingReport, parameters: Any) -> Iterator[str]:
+def _sections(report: LandingReport, pictures: Sequence[LandingPicture]) -> Iterator[str]:
     yield section("What the simulation expects, and what happened", _outcomes(report), _NOTE)
     yield section("What the simulation lacks", _verdict(report))
     if report.prospects:
@@ -67,8 +57,8 @@ def _sections(report: LandingReport, parameters: Any) -> Iterator[str]:
         yield section("How good the probabilities are", _scores(report.score))
         drawn = svg(reliability_diagram(report.score), "Share of four legs against their probability")
         yield section("Does it happen as often as it is said to", drawn)
-    yield section("Flights", _flights(report))
-    yield section("Pitch rate, real and simulated", _motions(report, parameters), _MOTION_NOTE)
+    yield section("Flights", _flights(report), _FLIGHTS_NOTE)
+    yield from _landings(pictures)
     scatter = vars(report.prepared.dispersion)
     rows = [
         [_SCATTER[name], ", ".join(f"{v:.3f}" for v in np.ravel(found))] for name, found in scatter.items()
@@ -95,8 +85,16 @@ _NOTE = (
     "mark on the right is what really happened (dot: four legs, square: two, cross: none); the bars below "
     "are all flights together."
 )
-_MOTION_NOTE = (
-    "Black: the gyro. Grey: simulated landings. Vertical line: the measured contact. Time from the trigger."
+_FLIGHTS_NOTE = "Those first whose end was expected least; a name leads to its motion."
+_LANDINGS_NOTE = (
+    "Dots are the log's own samples, the grey band holds 80 % of all simulated draws about their "
+    "median, and a coloured line is one draw of those that end on four legs, on two, or on none: the "
+    "one nearest to their median pitch rate. Vertical lines: the trigger (red), the measured contact "
+    "(black), when the feet are counted (dotted); 80 % of the draws touch within the blue bar. Flip "
+    "angle: how far the body axis has turned, 0 level, 180 upside down; open dots add up the gyro from "
+    "the trigger to the contact. On the right the vehicle at the trigger, half of the way, at the "
+    "contact, and at the end. What counts as apart lies outside the band by more than the log can be "
+    "wrong: rates by 1.3 rad/s in two samples, the contact by the time between two samples."
 )
 
 
@@ -155,7 +153,7 @@ def outcome_bars(report: LandingReport, broad: bool) -> "Figure":
         if k in classes:
             marker, colour = _MARKERS[classes[k]], _COLOURS[classes[k]]
             axes.plot(1.03, position, marker, ms=7, color=colour, clip_on=False)
-    names = [_short(report.forecast.flights[k].name, 34 if broad else 16) for k in order]
+    names = [short_name(report.forecast.flights[k].name, 34 if broad else 16) for k in order]
     axes.set_yticks(at, [*ends, *names], fontsize=8)
     axes.set(xlim=(0.0, 1.0), xlabel="probability")
     axes.grid(axis="y", visible=False)
@@ -163,10 +161,6 @@ def outcome_bars(report: LandingReport, broad: bool) -> "Figure":
     handles = [axes.plot([], [], marker, ms=7, color=colour)[0] for marker, colour in styles]
     axes.legend(handles, _WORDS, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     return figure
-
-
-def _short(name: str, most: int = 34) -> str:
-    return name if len(name) <= most else f"{name[: most - 1]}…"
 
 
 def reliability_diagram(found: Score) -> "Figure":
@@ -183,42 +177,16 @@ def reliability_diagram(found: Score) -> "Figure":
     return figure
 
 
-def _motions(report: LandingReport, parameters: Any) -> str:
-    alt = f"Pitch rates of {len(report.real)} flights by the gyro, over those of simulated landings"
-    return by_width(lambda broad: motions(report, parameters, 4 if broad else 2), alt)
+def _landings(pictures: Sequence[LandingPicture]) -> Iterator[str]:
+    """A section for each, under a heading that explains them."""
+    yield section("Flight by flight", escape(_LANDINGS_NOTE))
+    for one in pictures:
+        content = f'<p class="said">{escape(one.words)}</p>{pixels(one.drawn, one.alt)}'
+        yield section(one.name, content, one.left_out, anchor=_anchor(one.index))
 
 
-def motions(report: LandingReport, parameters: Any, side_by_side: int) -> "Figure":
-    """Pitch rate of each flight: the gyro over simulated landings."""
-    starts = report.prepared.starts
-    rows = -(-len(starts) // side_by_side)
-    figure = new_figure(2.6 * side_by_side, 1.7 * rows)
-    panels = figure.subplots(rows, side_by_side, sharex=True, sharey=True, squeeze=False)
-    axes = np.atleast_1d(panels).ravel()
-    at = SETTINGS.dt * np.arange(round(_MOTION / SETTINGS.dt) + 1)
-    p = parameters.copy()
-    for index, start in enumerate(starts):
-        panel = axes[index]
-        p["ceiling_z"] = report.prepared.ceilings[index]
-        numbers = report.prepared.draws[index][:_MOTIONS]
-        states, flips = scattered(start, report.prepared.dispersion, numbers, p)
-        traces = np.empty((len(states), at.size, COLUMNS))
-        trace_flips(states, p, flips, SETTINGS, traces)
-        panel.plot(at, traces[:, :, OMEGA + 1].T, color=MUTED, lw=0.4, alpha=0.35, rasterized=True)
-        t = start.gyro_t + report.prepared.flips[index].clock
-        panel.plot(t[t < _MOTION], start.gyro[t < _MOTION, 1], color=INK, lw=1.1)
-        contact = report.prepared.contact(index)
-        if contact is not None:
-            panel.axvline(contact, color=BLUE, lw=0.8)
-        real = report.real[index]
-        label = "" if real is None else f"\n{real.value}"
-        panel.set_title(f"{_short(start.name)}{label}", fontsize=7, loc="left")
-    for panel in axes[len(starts) :]:
-        panel.set_visible(False)
-    axes[0].set(xlim=(0.0, _MOTION), ylim=(-38.0, 38.0))
-    figure.supylabel("rad/s", fontsize=9)
-    figure.supxlabel("s after the trigger", fontsize=9)
-    return figure
+def _anchor(index: int) -> str:
+    return f"flight-{index + 1}"
 
 
 def _scores(found: Score) -> str:
@@ -247,12 +215,15 @@ def _interval(interval: tuple[float, float] | None) -> str:
 
 def _flights(report: LandingReport) -> str:
     rows = []
-    for flight, real in zip(as_json(report)["flights"], report.real, strict=True):
+    flights = as_json(report)["flights"]
+    for index in by_surprise(report):
+        flight, real = flights[index], report.real[index]
+        name = f'<a href="#{_anchor(index)}">{escape(flight["name"])}</a>'
         shares = [f"{flight[f'p_{name}']:.2f}" for name in (*CLASS_NAMES, "body_contact")]
         times = [_time(flight["contact_s"]), _time(flight["contact_measured_s"])]
-        rows.append([flight["name"], "" if real is None else real.value, *shares, *times])
+        rows.append([name, "" if real is None else real.value, *shares, *times])
     header = ["flight", "real", "four", "two", "none", "body contact", "contact, s", "measured, s"]
-    return text_table(header, rows)
+    return table(header, rows)
 
 
 def _time(value: float | None) -> str:

@@ -164,3 +164,38 @@ def trace_flips(states: Any, p: Any, flips: Any, s: RolloutSettings, traces: Any
         for count in range(traces.shape[1] - 1):
             cut = flip_on(state, p, flips[k], s, count, cut, decays)
             note(state, traces[k, count + 1])
+
+
+@alone
+def follow_flips(
+    states: Any, p: Any, flips: Any, s: RolloutSettings, traces: Any, cuts: Any, out: Any
+) -> None:
+    """Fly each state as :func:`fly_flips` does, and keep the motion, also beyond the end.
+
+    Args:
+        states, p, flips, s: as for :func:`fly_flips`; states end as the last ones.
+        traces: (n, rows, COLUMNS), receive start and end of every step, as far as they go.
+        cuts: (n,), receive when the motors were cut (s), NaN: never.
+        out: as for :func:`fly_flips`, and the same to the last bit.
+    """
+    decays = decay(p, 0.5 * s.dt)
+    for k in range(states.shape[0]):
+        state, result = states[k], out[k]
+        result.triggered = 1
+        cuts[k] = math.nan
+        cut = False
+        count = 0
+        end = -1
+        note(state, traces[k, 0])
+        while end < 0 or count < traces.shape[1] - 1:
+            was = cut
+            cut = flip_on(state, p, flips[k], s, count, cut, decays)
+            if cut and not was:
+                cuts[k] = count * s.dt
+            count += 1
+            if count < traces.shape[1]:
+                note(state, traces[k, count])
+            if end < 0:
+                end = end_of(state, result, s)
+                if end >= 0:
+                    record_end(result, state, end)

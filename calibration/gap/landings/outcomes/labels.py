@@ -40,10 +40,15 @@ def landing_class(outcome: Outcome) -> int | None:
     return _CLASSES.get(outcome)
 
 
+def classes_of(feet: IntArray) -> IntArray:
+    """Classes (n,) of landings, from how many feet held in each (n,)."""
+    return np.where(feet >= 3, FOUR, np.where(feet == 0, NONE, TWO))
+
+
 def shares_of(feet: IntArray) -> FloatArray:
     """Shares (3,) of the classes among landings, from how many feet held in each (n,)."""
-    four, none = feet >= 3, feet == 0
-    return np.array([np.mean(four), np.mean(~four & ~none), np.mean(none)])
+    classes = classes_of(feet)
+    return np.array([np.mean(classes == one) for one in (FOUR, TWO, NONE)])
 
 
 def read_labels(sources: Iterable[Path]) -> dict[Path, Outcome]:

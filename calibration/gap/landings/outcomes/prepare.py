@@ -45,7 +45,9 @@ _CLOCK_GRID = _CLOCK_STEP * np.arange(-_CLOCK_STEPS, _CLOCK_STEPS + 1)
 CLOCK_BOUND = float(_CLOCK_GRID[-1])
 """s, the largest offset that is tried."""
 
-_RATE_ERROR = 1.3  # rad/s, RMS that flips leave with a clock of their own
+RATE_ERROR = 1.3
+"""rad/s, RMS that flips leave with a clock of their own."""
+
 _UNSEEN_FLIP = 0.2  # s of a flip that is used where no contact was seen
 _LEAST_CEILING = 3  # contacts that tell a session's ceiling
 _ONE_ROOM = 0.2  # m between what two drones of one room take for its ceiling, at most
@@ -180,7 +182,7 @@ def roll_errors(flips: Sequence[FlipFit]) -> FloatArray:
 def _clock(t: FloatArray, seen: FloatArray, trace: FloatArray, sigma: float) -> float:
     """Offset (s) of the log's clock that lays the gyro (rad/s, at `t`) best over the simulated flip."""
     costs = [
-        float(np.sum((seen - _at(trace, t + offset)) ** 2)) / _RATE_ERROR**2 + (offset / sigma) ** 2
+        float(np.sum((seen - _at(trace, t + offset)) ** 2)) / RATE_ERROR**2 + (offset / sigma) ** 2
         for offset in _CLOCK_GRID
     ]
     return float(_CLOCK_GRID[int(np.argmin(costs))])
