@@ -154,6 +154,7 @@ def test_only_what_was_made_to_differ_is_told_apart(prepared: PreparedLandings) 
     (late, *_) = differences(moved(simulated, draw, later=0.1), simulated)
     assert re.fullmatch(r"contact \d+ ms later", late.words)
     assert float(re.findall(r"\d+", late.words)[0]) == pytest.approx(100.0, abs=10.0)
+    assert differences(replace(moved(simulated, draw, later=0.1), clock_known=False), simulated) == ()
     first = differences(moved(simulated, draw, roll=4.0), simulated)[0]
     assert first.words.startswith("roll rate +")
     assert first.t < 0.05

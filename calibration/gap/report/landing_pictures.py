@@ -6,12 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.landings.outcomes.differences import Difference, differences
+from calibration.gap.landings.outcomes.differences import differences
 from calibration.gap.landings.outcomes.document import LandingReport
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
 from calibration.gap.landings.outcomes.measured_motion import MeasuredMotion, measured_motion
 from calibration.gap.landings.outcomes.predict import Forecast
-from calibration.gap.landings.outcomes.simulated_motion import AFTER_CONTACT, simulated_motion
+from calibration.gap.landings.outcomes.simulated_motion import (
+    AFTER_CONTACT,
+    SimulatedMotion,
+    simulated_motion,
+)
 from calibration.gap.report.landing_figure import ShownLanding, landing_figure
 from calibration.report_style import RASTER_DPI, png, report_style
 from onboard.outcome import Outcome
@@ -87,17 +91,24 @@ def _picture(report: LandingReport, index: int, parameters: Any) -> LandingPictu
     with report_style():
         shown = ShownLanding(measured, simulated, start, ceiling, report.vehicle, parameters)
         drawn = png(landing_figure(shown), RASTER_DPI)
-    words = _words(report.real[index], expected, differences(measured, simulated))
+    words = f"{_ended(report.real[index], expected)} {_apart(measured, simulated)}"
     return LandingPicture(index, expected.name, drawn, words, _left_out(measured))
 
 
-def _words(real: Outcome | None, expected: Forecast, apart: tuple[Difference, ...]) -> str:
+def _ended(real: Outcome | None, expected: Forecast) -> str:
     happened = "Nobody said how it ended" if real is None else f"It {_HOW[real]}"
     shares = zip(CLASS_NAMES, expected.probability, strict=True)
     told = ", ".join(f"{name} {share:.2f}" for name, share in shares)
-    first = "; ".join(one.words for one in apart)
-    parted = f"First apart: {first}." if apart else "Up to the contact it moves as most draws do."
-    return f"{happened}; expected were {told}. {parted}"
+    return f"{happened}; expected were {told}."
+
+
+def _apart(measured: MeasuredMotion, simulated: SimulatedMotion) -> str:
+    if not measured.clock_known:
+        return "When its log was taken is not known, so it is not compared."
+    found = differences(measured, simulated)
+    if not found:
+        return "Up to the contact the log shows nothing that most draws do not."
+    return f"First apart: {'; '.join(one.words for one in found)}."
 
 
 def _left_out(measured: MeasuredMotion) -> str:

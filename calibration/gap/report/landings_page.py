@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.gap.landings.outcomes.document import LandingReport, classified
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
+from calibration.gap.landings.outcomes.prepare import RATE_ERROR
 from calibration.gap.landings.outcomes.roll import REFUTED, RollEvidence
 from calibration.gap.landings.outcomes.scores import Score
 from calibration.gap.landings.outcomes.search import OutcomeSearch
@@ -94,7 +95,7 @@ _LANDINGS_NOTE = (
     "angle: how far the body axis has turned, 0 level, 180 upside down; open dots add up the gyro from "
     "the trigger to the contact. On the right the vehicle at the trigger, half of the way, at the "
     "contact, and at the end. What counts as apart lies outside the band by more than the log can be "
-    "wrong: rates by 1.3 rad/s in two samples, the contact by the time between two samples."
+    f"wrong: rates by {RATE_ERROR:g} rad/s in two samples, the contact by the time between two samples."
 )
 
 

@@ -32,7 +32,9 @@ class Difference:
 
 
 def differences(measured: MeasuredMotion, simulated: SimulatedMotion) -> tuple[Difference, ...]:
-    """All that are found, the first one first."""
+    """All that are found, the first one first; none where the log's clock is not known."""
+    if not measured.clock_known:
+        return ()
     return tuple(sorted(_found(measured, simulated), key=lambda one: one.t))
 
 
@@ -42,7 +44,7 @@ def _found(measured: MeasuredMotion, simulated: SimulatedMotion) -> Iterator[Dif
     for axis, name in ((1, "pitch rate"), (0, "roll rate")):
         yield from _rate(measured, simulated, axis, name, float(np.fmin(first, seen)))
     touching = 2 * np.count_nonzero(np.isfinite(simulated.contacts)) > simulated.contacts.size
-    if not touching or not measured.clock_known:
+    if not touching:
         return
     if measured.contact is not None:
         yield from _contact(measured.contact, measured.contact_error, simulated)
