@@ -142,6 +142,8 @@ def test_the_page_opens_with_the_picture(labels: dict[Path, Outcome]) -> None:
     assert text.index("<svg") < text.index("<table")
     assert "src=" not in text
     assert "outside" in text
+    assert report.contact_score is not None
+    assert f"body contact, of {report.contact_score.flights} that held" in text
 
 
 def test_labels_that_are_broken_name_the_place(tmp_path: Path) -> None:

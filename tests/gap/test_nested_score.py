@@ -5,6 +5,7 @@ import numpy as np
 from calibration.gap.landings.outcomes.nested import NestedScore, nested_score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import WITHOUT
+from calibration.gap.report.landing_scores import search_table
 from onboard.arrays import FloatArray, IntArray
 from onboard.json_file import as_json
 
@@ -58,6 +59,8 @@ def test_a_model_that_knows_is_chosen_by_all_and_scores_the_same() -> None:
     assert nested.chosen == {found.best.name: FLIGHTS}
     assert list(nested.chosen_by_halves.values()) == [40]
     np.testing.assert_allclose(nested.left_out, found.best.left_out)
+    *_, row = search_table(found, nested).split("<tr>")
+    assert f"{found.best.name} {FLIGHTS} times" in row  # the page names it, too
     assert nested.left_one_out.brier == found.best.left_one_out.brier
     assert nested.halves == nested.halves_of_best
     document = as_json(nested)

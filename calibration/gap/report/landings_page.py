@@ -11,8 +11,8 @@ from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
 from calibration.gap.landings.outcomes.prepare import RATE_ERROR
 from calibration.gap.landings.outcomes.roll import REFUTED, RollEvidence
 from calibration.gap.landings.outcomes.scores import Score
-from calibration.gap.landings.outcomes.search import OutcomeSearch
 from calibration.gap.report.landing_pictures import LandingPicture, by_surprise
+from calibration.gap.report.landing_scores import score_tables, search_table
 from calibration.gap.report.landing_style import CLASS_COLOURS, CLASS_MARKERS, CLASS_WORDS, short_name
 from calibration.report_style import (
     BLUE,
@@ -55,7 +55,7 @@ def _sections(report: LandingReport, pictures: Sequence[LandingPicture]) -> Iter
     if report.prospects:
         yield section("What to expect of the next flights", "<br>".join(map(escape, report.prospects)))
     if report.score is not None:
-        yield section("How good the probabilities are", _scores(report.score))
+        yield section("How good the probabilities are", score_tables(report.score, report.contact_score))
         drawn = svg(reliability_diagram(report.score), "Share of four legs against their probability")
         yield section("Does it happen as often as it is said to", drawn)
     yield section("Flights", _flights(report), _FLIGHTS_NOTE)
@@ -107,25 +107,7 @@ _ROLL_NOTE = (
 
 def _verdict(report: LandingReport) -> str:
     said = "<br>".join(escape(sentence) for sentence in report.words)
-    return said if report.search is None else said + _search(report.search)
-
-
-def _search(found: OutcomeSearch) -> str:
-    rows = []
-    for fit in found.fits:
-        left_out, half = fit.left_one_out, fit.halves
-        values = ", ".join(
-            f"{name} {one.mean:.3g} &plusmn; {one.sigma:.2g}{' (at bound)' if one.at_bound else ''}"
-            for name, one in fit.values.items()
-        )
-        scores = [
-            f"{value:.2f}"
-            for value in (left_out.brier, left_out.brier_base_rate, half.brier, half.brier_base_rate)
-        ]
-        auc = "" if left_out.auc_four is None else f"{left_out.auc_four:.2f}"
-        rows.append([fit.name, *scores, auc, values])
-    header = ["open", "Brier, left one out", "base rate", "from halves", "base rate", "AUC of four", "values"]
-    return table(header, rows)
+    return said if report.search is None else said + search_table(report.search, report.nested)
 
 
 def _outcomes(report: LandingReport) -> str:
@@ -188,30 +170,6 @@ def _landings(pictures: Sequence[LandingPicture]) -> Iterator[str]:
 
 def _anchor(index: int) -> str:
     return f"flight-{index + 1}"
-
-
-def _scores(found: Score) -> str:
-    auc = "none or all" if found.auc_four is None else f"{found.auc_four:.2f}{_interval(found.auc_four_ci95)}"
-    base = f"{found.brier_base_rate:.2f}; knowing this flight too: {found.brier_base_rate_in_sample:.2f}"
-    brier = f"<b>{found.brier:.2f}</b>{_interval(found.brier_ci95)}"
-    gain = f"{found.brier_gain:+.2f}{_interval(found.brier_gain_ci95)}"
-    rows = [
-        ["Brier score (0 perfect, 2 worst)", brier, base],
-        ["its difference to the base rate", gain, ""],
-        ["log score (nats)", f"{found.log_score:.2f}", f"{found.log_score_base_rate:.2f}"],
-        ["AUC of four legs", auc, "0.50"],
-    ]
-    scores = table(["", "simulation (95 %, flights drawn again)", "base rate of the other flights"], rows)
-    counts = []
-    for word, count in zip(_WORDS, found.counts.values(), strict=True):
-        low, high = count.interval80
-        outside = "" if count.inside else ": <b>outside</b>"
-        counts.append([word, str(count.real), f"{count.expected:.1f}", f"{low} to {high}{outside}"])
-    return scores + table(["outcome", "real", "expected", "80 % of the time it would be"], counts)
-
-
-def _interval(interval: tuple[float, float] | None) -> str:
-    return "" if interval is None else f" ({interval[0]:.2f} to {interval[1]:.2f})"
 
 
 def _flights(report: LandingReport) -> str:
