@@ -2,6 +2,9 @@
 
 The operator sees which one turns. Which way a bare shaft turns hardly anybody sees; the gyro tells it of a
 drone that hangs on a thread (:mod:`perchhw.bringup.reaction`), and where it cannot, the operator is asked.
+
+The drone is on its battery, which nobody can switch off from afar: its own app must be there, which stops
+the motors when this program falls silent.
 """
 
 import re
@@ -45,7 +48,7 @@ def motors(drone: str, phrase: str, saw: Ask) -> tuple[CheckResult, ...]:
         saw: asks the operator; called while all motors stand.
 
     Raises:
-        MotorsRefused: another phrase, or the drone is armed.
+        MotorsRefused: another phrase, the drone is armed, or its firmware has not our app.
         LinkError, InstrumentError: no link, or it was lost; the motors were stopped.
         MotorsNotStopped: the drone did not confirm that.
     """
@@ -54,7 +57,7 @@ def motors(drone: str, phrase: str, saw: Ask) -> tuple[CheckResult, ...]:
     findings = []
     with (
         DroneLink.open(drone) as link,
-        MotorStand(link, no_remote_cut=True, unlock_phrase=UNLOCK_PHRASE) as stand,
+        MotorStand(link, cut_by_drone=True, unlock_phrase=UNLOCK_PHRASE) as stand,
     ):
         stand.unlock(phrase)
         for motor in DIRECTIONS:

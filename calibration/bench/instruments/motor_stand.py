@@ -7,7 +7,7 @@ the end of its ``with`` block whatever the reason, when nobody renews within 0.4
 for 0.35 s (both times :attr:`onboard.link.DroneLink.patience`), when an instrument is lost. When the link is
 lost only the power is left: a supply is switched off, and the drone's processor is restarted through its
 radio chip. And when the host itself dies or hangs, only somebody else can switch the supply off: without a
-:class:`RemoteCut` nothing turns, unless the operator does without.
+:class:`RemoteCut` nothing turns, unless the operator does without, or our app on the drone is demanded.
 
 >>> with MotorStand(drone, remote_cut=kept_supply) as stand:        # doctest: +SKIP
 ...     stand.unlock("props guarded, drone clamped")
@@ -99,6 +99,7 @@ class MotorStand(Closing):
         instruments: Sequence[Callable[[], None]] = (),
         remote_cut: RemoteCut | None = None,
         no_remote_cut: bool = False,
+        cut_by_drone: bool = False,
         unlock_phrase: str = UNLOCK_PHRASE,
         clock: Clock = monotonic,
     ) -> None:
@@ -110,6 +111,7 @@ class MotorStand(Closing):
                 instrument is lost. They run often, on the stand's own thread, too.
             remote_cut: used when the drone is silent or does not confirm a stop, and by whoever survives us.
             no_remote_cut: the operator was told what that means and lets motors turn without.
+            cut_by_drone: our app on the drone must be there instead, which stops them if this program dies.
             unlock_phrase: what the operator must type before anything turns, in small letters.
             clock: host clock [s].
 
@@ -120,6 +122,7 @@ class MotorStand(Closing):
         self._checks = (*instruments, self._check_drone)
         self._remote_cut = remote_cut
         self._may_turn = remote_cut is not None or no_remote_cut
+        self._cut_by_drone = cut_by_drone
         self._unlock_phrase = unlock_phrase
         self._clock = clock
         self._renew_within = RENEW_WITHIN_S * drone.patience
@@ -151,14 +154,19 @@ class MotorStand(Closing):
             phrase: what the operator typed; must be the stand's own.
 
         Raises:
-            MotorsRefused: another phrase; or nobody could switch the motors off if this process died; or the
-                drone is armed or flying, so that its controller would take the motors over when the override
-                ends.
+            MotorsRefused: another phrase; or nobody, or not the drone that has to, could switch the motors
+                off if this process died; or the drone is armed or flying, so that its controller would take
+                the motors over when the override ends.
             InstrumentLost: who should switch them off is gone.
         """
         if " ".join(phrase.lower().split()) != self._unlock_phrase:
             raise MotorsRefused(f"the motors stay locked: type {self._unlock_phrase!r} when that is so")
-        if not self._may_turn:
+        if self._cut_by_drone and not self._token.is_known:
+            raise MotorsRefused(
+                "the motors stay locked: the drone has no parameter perch.motTok, so that nothing would stop "
+                "them if this program died; flash the firmware with our app (docs/firmware.md)"
+            )
+        if not (self._may_turn or self._cut_by_drone):
             raise MotorsRefused(
                 "the motors stay locked: without a supply that can be switched off from here nothing would "
                 "stop them if this program died; give a supply, or say that you do without"

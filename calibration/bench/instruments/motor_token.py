@@ -25,11 +25,16 @@ class MotorToken:
         drone: open link.
         turning: whether they do.
         clock: host clock [s].
+
+    Attributes:
+        is_known: the drone has our app, which stops motors that nobody vouches for any more. A simulated one
+            whose address asks for patience is not vouched for all the same; a real one's never does.
     """
 
     def __init__(self, drone: DroneLink, turning: Callable[[], bool], clock: Clock) -> None:
         self._drone, self._turning, self._clock = drone, turning, clock
-        self._is_used = drone.patience <= 1.0 and drone.has_param(Parameter.MOTOR_TOKEN)
+        self.is_known = drone.has_param(Parameter.MOTOR_TOKEN)
+        self._is_used = self.is_known and drone.patience <= 1.0
         self._vouched_at: float | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._vouch, name="MotorToken", daemon=True)
