@@ -9,6 +9,17 @@ WINDOW_S = 1.0
 WARN_PERIOD_S = 5.0
 
 
+def too_slow(factor: float | None) -> str | None:
+    """What to tell the operator of a lab that lives at `factor` of real time (``None``: not known), or
+    ``None`` when it is quick enough."""
+    if factor is None or factor >= WARN_BELOW:
+        return None
+    return (
+        f"this machine is too busy: the lab runs at {factor:.2f} of real time, and flights in it "
+        "are not to be trusted; --pace lockstep waits for everybody"
+    )
+
+
 class RealTimeFactor:
     """Lab time over real time, over the last second.
 
@@ -32,10 +43,8 @@ class RealTimeFactor:
             self._looks.popleft()
         then, lab_then = self._looks[0]
         self.recent = (lab_time - lab_then) / (now - then)
-        if self.recent >= WARN_BELOW or now - self._warned_at < WARN_PERIOD_S:
+        warning = too_slow(self.recent)
+        if warning is None or now - self._warned_at < WARN_PERIOD_S:
             return None
         self._warned_at = now
-        return (
-            f"this machine is too busy: the lab runs at {self.recent:.2f} of real time, and flights in it "
-            "are not to be trusted; --pace lockstep waits for everybody"
-        )
+        return warning

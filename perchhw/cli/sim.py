@@ -128,8 +128,12 @@ def status(lab: Lab = None) -> int:
     """Say what time it is in a simulated lab, how fast that goes, and who takes part in it."""
     from onboard.lab_time.figures import lab_figures
     from perchhw.lab import clock_of
+    from sim_backend.real_time import too_slow
 
     figures = lab_figures(clock_of(lab))
+    warning = too_slow(figures["real_time_factor"])
+    if warning is not None:
+        sys.stderr.write(f"{warning}\n")
     emit(figures, "\n".join(f"{name}: {value}" for name, value in figures.items()))
     return exit_codes.DONE
 

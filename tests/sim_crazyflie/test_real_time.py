@@ -1,13 +1,23 @@
 """A lab that should live in real time says when it does not."""
 
 import asyncio
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from onboard.lab_time.messages import encode
+from perchhw.cli.main import run
 from sim_backend.lab import LabServer, LabSettings
 from sim_backend.real_time import WARN_BELOW, WARN_PERIOD_S, WINDOW_S, RealTimeFactor
-from tests.patience import StandingClock
+from tests.lab_file.labs import LAB
+from tests.patience import PATIENCE_S, StandingClock
 
 STEP_S = 0.0625
 
@@ -77,6 +87,43 @@ def test_a_lab_that_is_too_slow_says_so_on_stderr_and_in_its_figures(
     assert ("this machine is too busy" in capsys.readouterr().err) is slow
     assert figures is not None
     assert figures < 0.5 if slow else figures > WARN_BELOW
+
+
+@pytest.mark.parametrize(
+    ("factor", "tells"), [(None, False), (1.0, False), (0.981, False), (0.979, True), (0.4, True)]
+)
+def test_the_status_of_a_lab_that_is_too_slow_warns_in_one_line(
+    factor: float | None, tells: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figures = {"answer": "status", "t": 2.0, "real_time_factor": factor}
+    with answering(figures) as port:
+        lab = tmp_path / "lab.toml"
+        level = LAB.replace(", tilt_x_deg = 1.0", "")
+        lab.write_text(level.replace("[room]", f'clock = "127.0.0.1:{port}"\n[room]', 1))
+        assert run(["--json", "sim", "status", "--lab", str(lab)]) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["real_time_factor"] == factor
+    lines = told.err.splitlines()
+    assert len(lines) == tells
+    assert all(f"the lab runs at {factor:.2f} of real time" in line for line in lines)
+
+
+@contextmanager
+def answering(figures: dict[str, Any]) -> Iterator[int]:
+    """A lab's clock that says this of itself to the first who asks; the port."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(PATIENCE_S)
+
+        def answer() -> None:
+            connection, _ = server.accept()
+            with connection, connection.makefile("rb") as asked:
+                asked.readline()
+                connection.sendall(encode(figures))
+
+        thread = threading.Thread(target=answer, daemon=True)
+        thread.start()
+        yield server.getsockname()[1]
+        thread.join()
 
 
 async def _live(look_s: float) -> float | None:
