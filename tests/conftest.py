@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, settings
 
 from onboard.link import machine_files
 from perchhw.lab_process import SimulatedLab
+from tests.drawn_examples import SOAK, USUAL
 from tests.tiers import drawn, longest_first
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -26,10 +27,10 @@ settings.register_profile(
     "perchhw",
     deadline=None,
     derandomize=True,
-    max_examples=30,
+    max_examples=USUAL,
     suppress_health_check=[HealthCheck.too_slow],
 )
-settings.register_profile("soak", deadline=None, max_examples=3000)
+settings.register_profile("soak", deadline=None, max_examples=SOAK)
 settings.load_profile("perchhw")
 
 

@@ -11,10 +11,11 @@ from calibration.bench.inertia.errors import RigError
 from calibration.bench.inertia.live import LiveState, LiveSwing, LiveView
 from calibration.bench.inertia.plan import FORBIDDEN_RATIOS, PERIODS, Instruments, plan_hang
 from calibration.bench.inertia.swing import CLOCK_WRAP_S, Swing
+from tests.drawn_examples import examples
 from tests.truth.bench.pendulum import Hang, record
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.floats(8e-6, 80e-6), st.floats(0.025, 0.06))
 def test_a_plan_keeps_away_from_the_swing(inertia: float, mass: float) -> None:
     plan = plan_hang(inertia, mass)
@@ -110,7 +111,7 @@ def test_a_wrapping_clock_late_samples_and_a_hole() -> None:
     assert after[-1].cycles == 0.0
 
 
-@settings(max_examples=15)
+@settings(max_examples=examples(15))
 @given(st.lists(st.tuples(st.floats(0, 1e5), st.floats(-40, 40)), max_size=400), st.floats(0.0, 1.0))
 def test_any_samples_are_survived(samples: list[tuple[float, float]], scale: float) -> None:
     live = LiveSwing()

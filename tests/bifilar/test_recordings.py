@@ -13,6 +13,7 @@ from calibration.bench.inertia.fit import fit_swing
 from calibration.bench.inertia.recordings import OWN_HEADER, read_swing, write_swing
 from calibration.bench.inertia.swing import Swing
 from onboard.errors import InputError
+from tests.drawn_examples import examples
 from tests.truth.bench.pendulum import Hang, record
 
 OWN = ",".join(OWN_HEADER)
@@ -98,7 +99,7 @@ def test_no_file_and_no_gzip(tmp_path: Path) -> None:
         read_swing(tmp_path / "a.csv.gz")
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(
     st.sampled_from([OWN, CLIENT, GROUND, ""]),
     st.lists(

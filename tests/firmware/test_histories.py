@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from onboard.app_interface import EndReason, LandingState
 from onboard.firmware.library import CoreLibrary
 from onboard.landing.model import OutputMode
+from tests.drawn_examples import examples
 from tests.firmware.histories import (
     APPROACHES,
     FORCE,
@@ -131,7 +132,7 @@ def test_they_come_through_every_state_and_reason() -> None:
 
 
 @pytest.mark.further
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(history=HISTORIES, seed=st.integers(0, 1000))
 def test_any_history(core: CoreLibrary, history: list[Stretch], seed: int) -> None:
     check(compare(history, seed))

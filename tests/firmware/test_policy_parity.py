@@ -23,6 +23,7 @@ from onboard.policy.bundle import (
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.policy.model import MAX_SUPPORT_VECTORS, ActionLayer, Policy
 from onboard.policy.trigger import trigger_values
+from tests.drawn_examples import examples
 from tests.firmware.float32 import address, floats
 
 ACTIVE = 1
@@ -177,7 +178,7 @@ def damaged(damage: list[tuple[int, bytes]], length: int | None, seal: bool) -> 
     return sealed(data) if seal and len(data) >= 16 else bytes(data)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(DAMAGE, st.none() | st.integers(0, MAX_BUNDLE_BYTES + 8), st.booleans())
 def test_a_damaged_bundle_gets_the_same_answer(
     core: CoreLibrary, damage: list[tuple[int, bytes]], length: int | None, seal: bool
@@ -190,7 +191,7 @@ ENDS = (np.nan, 0.0, 1e-6, 1e3, 1.001e3, 100.0, 100.01, 10.0, 10.01, 1e4, 1.01e4
 NUMBERS = st.sampled_from([sign * end for end in ENDS for sign in (1.0, -1.0)])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.integers(HEADER_BYTES // 4 - 16, len(GOOD) // 4 - 1) | st.integers(6, 17), NUMBERS)
 def test_a_number_out_of_its_range_gets_the_same_answer(core: CoreLibrary, place: int, number: float) -> None:
     data = bytearray(GOOD)

@@ -29,6 +29,7 @@ from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.trajectory import plan_from_velocity, sample_approach
 from onboard.vehicle import load_vehicle
+from tests.drawn_examples import examples
 from tests.firmware.shell import Shell, Variable
 
 VEHICLE = "crazyflie21-upgraded"
@@ -126,7 +127,7 @@ def test_nothing_is_committed_or_written_in_the_air(shell: Shell) -> None:
     assert shell.read(Parameter.POLICY_STATUS) == PolicyStatus.REFUSED_FLYING
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 255))
 def test_whatever_a_packet_says_no_byte_outside_is_touched(
     shell_on_the_ground: Shell, address: int, length: int

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from calibration.flights import FlightFileError, PoseSource, UnusableFlightError, open_flight
 from calibration.flights.formats import flight_files
 from onboard.errors import InputError
+from tests.drawn_examples import examples
 
 HEADER = "t,x,y,z,qx,qy,qz,qw"
 
@@ -170,7 +171,7 @@ def test_a_flip_is_inferred_when_no_column_tells_it(tmp_path: Path) -> None:
     )
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(200), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     content=st.one_of(st.binary(max_size=300), st.text("t,xyzqw01.\n-e \"'", max_size=200).map(str.encode))
 )

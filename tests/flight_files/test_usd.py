@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from calibration.flights import FlightFileError, PoseSource, UnusableFlightError, open_flight
 from onboard.gravity import GRAVITY
+from tests.drawn_examples import examples
 
 Event = tuple[int, float, tuple[float, ...]]
 POSE = tuple(f"locSrv.{name}(f)" for name in ("x", "y", "z", "qx", "qy", "qz", "qw"))
@@ -137,7 +138,7 @@ def test_damage_names_the_byte(tmp_path: Path) -> None:
         open_flight(path)
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(150), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cut=st.integers(0, 4000), content=st.binary(max_size=60))
 def test_no_content_raises_anything_but_an_error_of_ours(tmp_path: Path, cut: int, content: bytes) -> None:
     path = tmp_path / "noise"

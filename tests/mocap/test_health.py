@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mocap_bridge.health import HealthLimits, PoseHealth, PoseVerdict
 from mocap_bridge.pose import PoseSample
 from mocap_bridge.rotation import Quaternion, Vector, multiply
+from tests.drawn_examples import examples
 from tests.mocap.judged_room import HALF_TURNS, IDENTITY, Room, pitched
 
 
@@ -187,7 +188,7 @@ def test_gaps_duplicates_and_restarts_are_counted():
     assert statistics.restarts == 1
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     st.lists(
         st.tuples(

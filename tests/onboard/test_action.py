@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from onboard.policy.action import action_moment, action_moments
 from onboard.policy.files import ActionLayer, import_authors_policy
+from tests.drawn_examples import examples
 from tests.onboard.policies import policies, small_policy
 from tests.onboard.test_trigger import states_around
 
@@ -49,7 +50,7 @@ def test_flown_policy_agrees_with_double_precision(shared_data):
 
 
 @given(policy=policies(), cues=st.tuples(*[st.floats(width=32)] * 3))
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_stays_within_the_limits_whatever_comes(policy, cues):
     assert policy.a_rot_min <= action_moment(policy.compiled(), *cues) <= policy.a_rot_max
 

@@ -23,6 +23,7 @@ from onboard.policy.bundle import (
 )
 from onboard.policy.files import ActionLayer
 from onboard.policy.trigger import trigger_value
+from tests.drawn_examples import examples
 from tests.onboard.policies import policies, small_policy
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "policy_bundle.md"
@@ -55,7 +56,7 @@ def test_round_trip_is_exact(policy):
 
 
 @given(policy=policies(), data=st.data())
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 def test_a_flipped_bit_is_refused(policy, data):
     bundle = bytearray(encode_bundle(policy))
     bit = data.draw(st.integers(0, 8 * len(bundle) - 1))
@@ -90,7 +91,7 @@ def test_noise_is_refused(noise):
 
 
 @given(policy=policies(), data=st.data())
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 def test_changed_bytes_with_a_right_crc_give_a_valid_policy_or_a_refusal(policy, data):
     bundle = bytearray(encode_bundle(policy))
     for _ in range(data.draw(st.integers(1, 4))):

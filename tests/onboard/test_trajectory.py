@@ -21,6 +21,7 @@ from onboard.trajectory import (
     smooth_approach,
     start_outside,
 )
+from tests.drawn_examples import examples
 
 ROOM = RoomGeometry()
 
@@ -144,7 +145,7 @@ def test_a_plan_with_a_number_that_is_none_is_not_sound(field: str, value: float
 
 
 @pytest.mark.further
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(conditions, st.floats(0.02, 0.2), st.floats(0.0, 1.2))
 def test_rounding_off_is_the_moving_average(
     condition: tuple[float, float], half_width: float, share: float
@@ -244,7 +245,7 @@ def test_what_is_absurd_is_named(speed: float, angle_deg: float, ceiling: float,
         fit_approach(speed, angle_deg, RoomGeometry(ceiling_z=ceiling))
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.floats(0.1, 20.0), st.floats(0.5, 90.0), st.floats(1.2, 3.0))
 def test_what_is_offered_instead_fits(speed: float, angle_deg: float, ceiling: float) -> None:
     room = RoomGeometry(ceiling_z=ceiling)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from onboard.policy.files import PolicyError, import_authors_policy
 from onboard.policy.trigger import trigger_value, trigger_values
 from onboard.policy.trigger_region import tau_range
+from tests.drawn_examples import examples
 from tests.onboard.policies import policies, small_policy
 
 
@@ -53,7 +54,7 @@ def test_one_and_many_states_agree():
 
 
 @given(policy=policies(), theta_x=st.floats(-100, 100), d_ceil=st.floats(-1, 3))
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 def test_never_fires_while_not_approaching_or_without_cues(policy, theta_x, d_ceil):
     compiled = policy.compiled()
     assert trigger_value(compiled, math.inf, theta_x, d_ceil) == policy.intercept

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from onboard.errors import InputError
 from onboard.vehicle import check_vehicle, known_vehicles, load_vehicle, vehicle_to_toml
 from onboard.vehicle.file_format import LIBRARY, parse_vehicle
+from tests.drawn_examples import examples
 
 UPGRADED = LIBRARY / "crazyflie21-upgraded.toml"
 
@@ -50,7 +51,7 @@ def _damage(value: Any, rng: random.Random) -> Any:
     return rng.choice(junk)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.integers(0, 2**32), st.integers(1, 6), st.sampled_from(known_vehicles()), st.booleans())
 def test_damaged_content_gives_a_vehicle_or_an_input_error(
     seed: int, hits: int, name: str, full: bool
@@ -79,7 +80,7 @@ _CONTENTS = {
 }
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 @given(st.integers(0, 2**32), st.integers(1, 4))
 def test_damaged_text_gives_a_vehicle_or_an_input_error(
     tmp_path_factory: pytest.TempPathFactory, seed: int, hits: int

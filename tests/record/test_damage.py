@@ -21,9 +21,12 @@ from onboard.record.run_record import RunFolderError, RunRecord
 from perchhw.cli.main import run
 from perchhw.record import TOPICS, RunRecorder
 from perchhw.record.run import read_run
+from tests.drawn_examples import examples
 
 FILES = ("run.json", "series.mcap", "events.jsonl")
-MORE = settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+MORE = settings(
+    max_examples=examples(250), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 
 
 def write(folder: Path, *, close: bool) -> Path:

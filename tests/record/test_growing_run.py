@@ -13,6 +13,7 @@ from onboard.record.growing_run import GrowingRun
 from onboard.record.run_record import RunFolderError
 from perchhw.record import RunRecorder
 from perchhw.record.run import read_run
+from tests.drawn_examples import examples
 from tests.record.test_damage import FILES, write
 
 shares = st.lists(st.floats(0.0, 1.0), max_size=6).map(sorted)
@@ -23,7 +24,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(tmp_path_factory.mktemp("whole") / "run", close=True)
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(40), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(series_shares=shares, event_shares=shares)
 def test_whatever_the_pieces_it_adds_up(
     whole: Path, tmp_path: Path, series_shares: list[float], event_shares: list[float]

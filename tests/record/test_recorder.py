@@ -19,6 +19,7 @@ from mcap.reader import make_reader
 from onboard.errors import InputError
 from onboard.record.run_record import RunFolderError
 from perchhw.record import TOPICS, RecordError, RunRecorder, discard_if_empty, new_run_folder, read_run
+from tests.drawn_examples import examples
 
 POSE = {
     "x": 0.1,
@@ -84,7 +85,7 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(150), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0.0, 1.0), events_share=st.floats(0.0, 1.0))
 def test_truncation_at_any_byte_keeps_every_complete_message(
     finished_run: Path, tmp_path: Path, share: float, events_share: float

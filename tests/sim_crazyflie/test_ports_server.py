@@ -13,6 +13,7 @@ from sim_backend.crazyflie.crtp import Packet
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.ports.radio import Power
 from sim_backend.crazyflie.server import CrazyflieServer, ServerError
+from tests.drawn_examples import examples
 from tests.patience import PATIENCE_S, until
 from tests.sim_crazyflie.minimal_firmware import (
     MinimalFirmware,
@@ -161,7 +162,7 @@ def test_parameters_changed_by_the_firmware_are_announced_once(
     assert client.exchange() == []
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(150), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(hostile=st.lists(st.binary(max_size=34), min_size=1, max_size=8))
 def test_hostile_datagrams_never_stop_the_server(hostile: list[bytes], drone: ServedFirmware) -> None:
     with RawClient(drone.uri) as client:
@@ -184,7 +185,7 @@ commands = st.builds(
 ).filter(lambda packet: not packet.for_radio)
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(150), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(packets=st.lists(commands, min_size=1, max_size=8))
 def test_near_valid_packets_never_stop_the_server(packets: list[Packet], drone: ServedFirmware) -> None:
     with RawClient(drone.uri) as client:

@@ -43,6 +43,7 @@ from perchhw.supervisor.events import (
     TakeOff,
     UploadPolicy,
 )
+from tests.drawn_examples import examples
 
 from .simulated_attempt import CRC, FLYING, INVERTED, MISSION, READY
 from .states import ALL_PHASES, good_in, mission_of, state_in
@@ -192,7 +193,7 @@ class Flight:
             assert before.phase is Phase.DISARMING or isinstance(event, LinkDown)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(
     st.sampled_from(ALL_PHASES[:-1]),
     st.lists(st.tuples(EVENTS, WAITS), max_size=40),
@@ -216,7 +217,7 @@ def test_whatever_happens_the_flight_comes_down_and_ends(
     assert flight.state.phase is Phase.DONE
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.lists(st.tuples(EVENTS, WAITS), max_size=60))
 def test_from_the_ground_no_step_of_the_plan_is_skipped(
     sequence: list[tuple[Event | Answer, float]],
@@ -229,7 +230,7 @@ def test_from_the_ground_no_step_of_the_plan_is_skipped(
     assert ordered == plan[: len(ordered)]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.sampled_from(ALL_PHASES[:-1]), EVENTS.filter(lambda e: not isinstance(e, Answer)))
 def test_an_event_twice_is_an_event_once(phase: Phase, event: Event) -> None:
     """A repeated abort, loss or error never makes things worse than the first."""

@@ -24,6 +24,7 @@ from calibration.measurement import Severity
 from onboard.battery import duty_for_thrust
 from onboard.json_file import as_json
 from onboard.thrust_map import ThrustMap
+from tests.drawn_examples import examples
 from tests.tiers import some
 from tests.truth.bench.thrust_stand import CUBICS, GF, record, truth
 
@@ -299,7 +300,7 @@ def test_a_form_that_falls_is_not_chosen() -> None:
         ThrustData("x", "x", voltage[:5], voltage[:5], voltage[:5])
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.text(max_size=200))
 def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     path = tmp_path_factory.mktemp("fuzz") / "t.csv"

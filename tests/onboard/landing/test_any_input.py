@@ -11,6 +11,7 @@ from onboard.landing.state_machine import (
     OutputMode,
 )
 from onboard.rotation import body_z
+from tests.drawn_examples import examples
 from tests.onboard.landing.rig import LIMITS, NAN, PLAN, Rig, steps_until_cut
 
 numbers = st.one_of(st.floats(-5.0, 5.0), st.sampled_from([0.0, NAN, math.inf, -math.inf, 1e300]))
@@ -37,7 +38,7 @@ samples = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 @given(st.sampled_from(["idle", "approach", "trigger", "brake", "hold"]), st.lists(samples, max_size=8))
 def test_no_input_makes_it_forget_its_rules(where: str, sequence: list[dict[str, Any]]) -> None:
     rig = Rig()

@@ -12,6 +12,7 @@ from onboard.room import RoomGeometry
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.state import FootMode
 from sim_backend.physics.step import step_thrust
+from tests.drawn_examples import examples
 from tests.physics.effects.conftest import Effects, with_effects
 from tests.physics.effects.test_contact import upside_down
 
@@ -45,7 +46,7 @@ def of_impulse(limit: float, spread: float = 0.0) -> Effects:
     return {"pad_impulse": {"impulse": limit, "spread": spread}}
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(climb=st.floats(0.5, 2.5))
 def test_the_impulse_of_the_feet_is_the_momentum_that_the_ceiling_took(climb: float) -> None:
     """m dv = -J - m g t, four feet alike; nothing else touches while they press."""
