@@ -28,7 +28,9 @@ TIMING = Timing()
 ACROSS_THE_ROOM = 8.5 / 0.8
 
 DEADLINES: list[tuple[Phase, float, Phase, type[Command] | None, str]] = [
+    (Phase.CHECKING, TIMING.checks_deadline, Phase.DONE, None, "drone_can_arm: no"),
     (Phase.UPLOADING, TIMING.upload_deadline, Phase.DONE, None, "policy upload took longer"),
+    (Phase.READY, TIMING.ready_deadline, Phase.DONE, None, "too far away"),
     (Phase.ARMING, TIMING.arm_deadline, Phase.DISARMING, Disarm, "did not arm"),
     (Phase.TAKING_OFF, TIMING.take_off + TIMING.move_margin, Phase.LANDING, Land, "no steady hover"),
     (Phase.MOVING_TO_START, ACROSS_THE_ROOM + TIMING.move_margin, Phase.LANDING, Land, "was not reached"),
@@ -58,6 +60,8 @@ DEADLINES: list[tuple[Phase, float, Phase, type[Command] | None, str]] = [
 def waiting(phase: Phase) -> Observation:
     """All is well in `phase`, and what it waits for does not come."""
     o = good_in(phase)
+    if phase is Phase.CHECKING:
+        return replace(o, drone=SupervisorInfo(0))
     if phase is Phase.APPROACHING:
         return replace(o, landing_state=LandingState.TRAJECTORY_ARMED)
     if phase is Phase.TAKING_OFF:
@@ -73,11 +77,12 @@ def test_a_phase_that_gets_nowhere_ends_at_its_deadline(
     phase: Phase, deadline: float, then: Phase, command: type[Command] | None, reason: str
 ) -> None:
     state, now = state_in(phase), 0.0
+    mission = replace(MISSION, arm_at=1000.0) if phase is Phase.READY else mission_of(phase)
     orders: tuple[Order, ...] = ()
     while state.phase is phase:
         assert now <= deadline + PERIOD
         now += PERIOD
-        state, orders = step(state, Tick(waiting(phase)), now, mission_of(phase))
+        state, orders = step(state, Tick(waiting(phase)), now, mission)
     assert now >= deadline - 1e-9, "it ended early"
     assert state.phase is then
     assert [type(o.command) for o in orders] == ([] if command is None else [command])
