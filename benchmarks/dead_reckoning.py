@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from sim_backend.lab_faults import DroneFaults
 from tests.sim_crazyflie.simulated_flight import Flight
 
-BLIND_S = (0.5, 1.0, 2.0, 3.0, 3.5)
+BLIND_S = (0.0, 0.15, 0.5, 1.0, 2.0, 3.0, 3.5)
 LOST_BEFORE_IMPACT_S = (0.5, 0.7, 0.9)
 SPEEDS = (1.5, 2.0, 2.5, 3.0, 3.5)
 ANGLES = (60.0, 50.0, 40.0, 30.0)

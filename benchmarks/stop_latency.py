@@ -1,10 +1,12 @@
 """How long it takes from a fault until the motors are off, at real pace, through a real host and link.
 
 ``python benchmarks/stop_latency.py [--runs N] [--busy N] [--only FAULT]`` prints one JSON document: median
-and worst of each, in seconds, quiet or beside so many processes that only count. What stops it is said
-beside it. The simulated drone is asked past the host, every 5 ms.
+and worst of the N of each, in seconds, quiet or beside so many processes that only count. What stops it is
+said beside it. The simulated drone is asked past the host, every 5 ms.
 
 - ``second_key``: Ctrl-C twice in the hover; to the stop packet on the network, and to motors that are off.
+- ``stop_command``: ``perchhw stop`` from another process in the hover; from its start, Python's included, to
+  its first packet and to motors that are off. Whatever else stops is withheld.
 - ``host_killed``: SIGKILL; only the drone's own watchdog is left.
 - ``link_cut``: nothing passes any more, either way; likewise.
 - ``loop_hung``: the supervisor's loop stands still while the rest of the host lives: its heart stops, the
@@ -19,6 +21,7 @@ import json
 import os
 import signal
 import statistics
+import subprocess
 import sys
 import tempfile
 import threading
@@ -30,13 +33,16 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from onboard.link.uri import parse_udp_uri
 from perchhw.lab_process import SimulatedLab
 from perchhw.supervisor import SafetyLimits
-from tests.flight.airborne import Airborne, NotInTheAir
+from tests.flight.airborne import Airborne, NotInTheAir, is_stop
 from tests.lab_time.busy import busy_processes
-from tests.link.faulty_network import Faults
+from tests.link.faulty_network import Faults, FaultyNetwork
 
 MOTORS_WITHIN = 5.0
+COMMAND_WITHIN = 30.0
+"""A machine that is busy takes seconds to start Python."""
 HANG_S = 4.0
 TRIES = 5
 POSE_AGE = SafetyLimits().pose_age_bridged
@@ -52,6 +58,26 @@ def second_key(air: Airborne, rng: np.random.Generator, _lab: SimulatedLab) -> d
     off = air.witness.motors_off(MOTORS_WITHIN)
     air.ended()
     return {"to_network": air.attempted[0] - begin, "to_motors_off": since(begin, off)}
+
+
+def stop_command(air: Airborne, rng: np.random.Generator, lab: SimulatedLab) -> dict[str, float | None]:
+    """Somebody else's process, over a network of its own that loses nothing."""
+    air.take_off("moving to start")
+    with FaultyNetwork(parse_udp_uri(lab.drones[0]).port, rng, Faults()) as network:
+        packets: list[float] = []
+
+        def note(packet: bytes) -> bool:
+            if is_stop(packet):
+                packets.append(time.monotonic())
+            return False
+
+        network.withheld = note
+        command = [sys.executable, "-m", "perchhw", "stop", "--drone", network.uri, "--json"]
+        begin = time.monotonic()
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL):
+            off = air.witness.motors_off(COMMAND_WITHIN)
+    air.ended()
+    return {"to_network": since(begin, packets[0] if packets else None), "to_motors_off": since(begin, off)}
 
 
 def host_killed(air: Airborne, rng: np.random.Generator, _lab: SimulatedLab) -> dict[str, float | None]:
@@ -105,6 +131,7 @@ def mocap_lost(air: Airborne, rng: np.random.Generator, lab: SimulatedLab) -> di
 Figures = dict[str, float | None]
 FAULTS: dict[str, tuple[Callable[[Airborne, np.random.Generator, SimulatedLab], Figures], str]] = {
     "second_key": (second_key, "the stop packet; watchdog and closing setpoint are withheld"),
+    "stop_command": (stop_command, "the stop packet of perchhw stop; whatever else stops is withheld"),
     "host_killed": (host_killed, "the drone's watchdog, 1 s after the last kick"),
     "link_cut": (link_cut, "the drone's watchdog, 1 s after the last kick that arrived"),
     "loop_hung": (loop_hung, "the drone's watchdog, 1 s after the last kick, 0.3 s after the last heartbeat"),
@@ -127,7 +154,7 @@ def measure(name: str, runs: int, lab: SimulatedLab, folder: Path) -> list[dict[
             place = folder / f"{name}-{run}-{attempt}"
             host = ("--pose-age", str(POSE_AGE)) if name == "mocap_lost" else ()
             with Airborne(lab.drones[0], lab.mocap[0], place, rng, host) as air:
-                air.withhold(watchdog=name != "second_key")
+                air.withhold(name == "stop_command", watchdog=name not in ("second_key", "stop_command"))
                 try:
                     found.append(fault(air, rng, lab))
                 except NotInTheAir as error:

@@ -68,7 +68,7 @@ class SafetyLimits:
         tilt_in_test_flight: likewise during a test flight; the controller asks for 50 deg at most, rad.
         speed_on_ground: largest speed of the estimate before arming, m/s.
         speed_in_hover: largest speed between take-off and approach; moves at a mean of 0.8 m/s peak at
-            1.75 and were seen at 1.91, m/s.
+            1.75 and were seen at 2.0, m/s.
         speed_in_test_flight: likewise during a test flight, whose fastest course asks for 6, m/s.
         rotation_in_hover: largest body rate up to the trigger; the authors' approaches stay below 2, a
             drone that is hit or loses a propeller is above at once, rad/s.
@@ -81,8 +81,8 @@ class SafetyLimits:
         start_mark_distance: how far from it, m. A person puts a drone down within a few cm; a room that was
             calibrated anew, or another drone's mark, is farther off (engineering estimate).
         start_mark_heading: how far from its heading, rad (likewise).
-        latency: from a motion to what the host orders against it: mocap 35 ms, telemetry 10 ms, tick
-            20 ms, command 35 ms, s.
+        latency: from a motion to what the host orders against it, by reckoning: mocap 35 ms, telemetry
+            10 ms, tick 20 ms, command 35 ms, s.
         braking: acceleration with which a drone that is told to is sure to stop, m/s2: what the test
             flights' library asks of it at most, two thirds of what the controller's 50 deg give.
         corridor_distance: farthest from the planned approach; the authors' flights stay within 0.38, the
@@ -208,13 +208,13 @@ class SafetyLimits:
     speed_in_hover: float = _limit(
         2.5,
         "m/s",
-        strictest=(2.0, "moves between hovers were seen at 1.91 m/s"),
+        strictest=(2.2, "moves between hovers were seen at 2.0 m/s"),
         loosest=(3.0, "as fast as the fastest approach flown"),
     )
     speed_in_test_flight: float = _limit(
         7.0,
         "m/s",
-        strictest=(2.0, "moves between hovers were seen at 1.91 m/s"),
+        strictest=(2.0, "moves between hovers were seen at 2.0 m/s"),
         loosest=(7.0, "the fastest course asks for 6 m/s"),
     )
     rotation_in_hover: float = _limit(
@@ -255,7 +255,7 @@ class SafetyLimits:
     latency: float = _limit(
         0.1,
         "s",
-        strictest=(0.3, "three times what was measured"),
+        strictest=(0.3, "three times what it is reckoned to be"),
         loosest=(0.1, "mocap, telemetry, tick and order take as long together"),
     )
     braking: float = _limit(

@@ -87,7 +87,7 @@ class Timing:
         stop_hold: how long a rule of the descent must be broken until the motors are cut: longer than a
             lost packet, a swing or a tick about which nothing is known.
         hang_hold: how long a landed drone must look as if it did not hold until the operator is told; a body
-            that is caught swings into place in 0.2 s, one that falls is 0.4 m lower after 0.3.
+            that is caught hangs within 0.22 s of the cut, one that falls is 0.4 m lower after 0.3.
         switches_deadline: for approach and policy to be read back as off once the landing was ordered.
         bits_delay: oldest age that the drone's bits have when they are sent (it renews them at 25 Hz).
         watchdog_margin: how long after the last kick the drone's own watchdog (1 s) surely leaves it alone: a
