@@ -9,9 +9,9 @@ SOAK = 3000
 
 
 def examples(count: int) -> int:
-    """`count` where the usual number is drawn; where the profile draws more, at least as many as it does.
+    """`count` where the usual number is drawn; as many times more as the profile draws, and no fewer than it.
 
     A number of a test's own would hold in every profile: the long proof would draw no more than `make test`.
     """
     of_profile = settings().max_examples
-    return count if of_profile <= USUAL else max(count, of_profile)
+    return count if of_profile <= USUAL else max(count * of_profile // USUAL, of_profile)
