@@ -65,7 +65,7 @@ sample-of-tests: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "further and not soak" --sample 6 --sample-seed $(SEED)
 
 sample-of-flights: $(VENV)/.dev
-	$(BIN)/python -m tests.lab_time.same_flight --busy 4 --flights 1 --seed $(SEED)
+	$(BIN)/python -m tests.lab_time.same_flight --busy 2 --flights 1 --seed $(SEED)
 	$(BIN)/python -m tests.faulty_campaign --attempts 1 --seed $(SEED)
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 1 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 2 --seed $(SEED)
