@@ -89,6 +89,8 @@ RULES_BY_KIND: Final[dict[AbortKind, dict[str, RuleWords]]] = {
         "speed_on_ground": RuleWords(
             Cause.ESTIMATE_WRONG, "the estimate moved while the drone stood", _ESTIMATE
         ),
+        "descent_rotation": RuleWords(Cause.TUMBLED, "the drone turned too fast on its way down", _TUMBLE),
+        "descent_speed": RuleWords(Cause.OFF_PATH, "the drone was too fast on its way down", _PATH),
         "descent_estimate": RuleWords(Cause.ESTIMATE_WRONG, "the estimate was not to be believed", _ESTIMATE),
         "descent_speed_blind": RuleWords(
             Cause.ESTIMATE_WRONG, "the estimate ran away without mocap", _ESTIMATE

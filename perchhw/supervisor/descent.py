@@ -25,14 +25,45 @@ def _only_late(o: Admitted, limits: SafetyLimits) -> bool:
 
 
 def estimate_believable(o: Admitted, limits: SafetyLimits) -> Violation | None:
-    """The estimate by which the drone lands is near what mocap sees, or, while blind, at least plausible."""
+    """The estimate by which the drone lands is known, and near what mocap sees."""
     if _only_late(o, limits):
         return None
     if o.estimate_position is None or o.estimate_velocity is None:
         return Violation("descent_estimate", "unknown", "known")
-    if o.pose_position is not None:
-        return at_most("descent_disagreement", o.estimate_to_pose, limits.descent_disagreement, "m")
-    return at_most("descent_speed_blind", hypot(*o.estimate_velocity), limits.descent_speed, "m/s")
+    if o.pose_position is None:
+        return None
+    return at_most("descent_disagreement", o.estimate_to_pose, limits.descent_disagreement, "m")
+
+
+def _not_faster_than(limit: float, o: Admitted, limits: SafetyLimits) -> Violation | None:
+    """Without poses it is rather the estimate that runs away; the rule then has another name."""
+    if _only_late(o, limits):
+        return None
+    speed = None if o.estimate_velocity is None else hypot(*o.estimate_velocity)
+    if o.pose_position is None:
+        return at_most("descent_speed_blind", speed, limit, "m/s")
+    return at_most("descent_speed", speed, limit, "m/s")
+
+
+def slow_in_descent(o: Admitted, limits: SafetyLimits) -> Violation | None:
+    """The drone is not faster than what brakes from an approach."""
+    return _not_faster_than(limits.descent_speed, o, limits)
+
+
+def slow_after_course(o: Admitted, limits: SafetyLimits) -> Violation | None:
+    """The drone is not faster than what lands from a course that was broken off."""
+    return _not_faster_than(limits.descent_speed_after_course, o, limits)
+
+
+def steady_in_descent(o: Admitted, limits: SafetyLimits) -> Violation | None:
+    """The drone does not spin. A fast tumble comes by upright again and again, which the tilt forgives.
+
+    Rates that do not arrive say nothing, and end no landing: the tilt must be known all the same.
+    """
+    if o.rates_age is None or o.rates_age > limits.telemetry_age:
+        return None
+    rotation = None if o.body_rates is None else hypot(*o.body_rates)
+    return at_most("descent_rotation", rotation, limits.descent_rotation, "rad/s")
 
 
 def upright_in_descent(o: Admitted, limits: SafetyLimits) -> Violation | None:
@@ -56,10 +87,16 @@ def inside_walls_in_descent(o: Admitted, limits: SafetyLimits) -> Violation | No
     return at_most("descent_beyond_walls", beyond, limits.descent_escape, "m")
 
 
-DESCENT_RULES: tuple[Rule, ...] = (
+_ANY_DESCENT: tuple[Rule, ...] = (
     heard_in_descent,
     estimate_believable,
     upright_in_descent,
+    steady_in_descent,
     inside_walls_in_descent,
 )
+
+DESCENT_RULES: tuple[Rule, ...] = (*_ANY_DESCENT, slow_in_descent)
 """While braking and landing."""
+
+COURSE_DESCENT_RULES: tuple[Rule, ...] = (*_ANY_DESCENT, slow_after_course)
+"""While landing from a test flight."""

@@ -16,7 +16,7 @@ from perchhw.supervisor.aborts import (
     stop,
     tell,
 )
-from perchhw.supervisor.descent import DESCENT_RULES
+from perchhw.supervisor.descent import COURSE_DESCENT_RULES, DESCENT_RULES
 from perchhw.supervisor.landed import cut_by_itself, is_down
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
@@ -27,7 +27,8 @@ _MOTORS_CUT = (LandingState.CUT, LandingState.FAULT)
 
 def _descent_guard(state: FlightState, o: Admitted, context: Context) -> tuple[FlightState, Step | None]:
     """The stop that a rule of the descent demands once it has been broken for long, or ``None``."""
-    violation = first_violation(DESCENT_RULES, o, context.limits)
+    rules = COURSE_DESCENT_RULES if context.mission.test_flight else DESCENT_RULES
+    violation = first_violation(rules, o, context.limits)
     state, lost = lasting(state, violation is not None, context.timing.stop_hold, context)
     if not lost or violation is None:
         return state, None

@@ -103,9 +103,12 @@ class SafetyLimits:
             as long without the host, s.
         descent_disagreement: farthest that the estimate by which it lands may be from mocap, m: four times
             what already ended the flight.
-        descent_speed: largest speed of an estimate that is believed while blind; the fastest approach
-            flown is 3 m/s, m/s.
+        descent_speed: largest speed while braking and landing; the fastest approach flown is 3 m/s, m/s.
+        descent_speed_after_course: likewise while landing from a test flight, whose fastest course asks for
+            6; a landing from 5.8 m/s was above 4 for 0.38 s (simulated lab), m/s.
         descent_tilt: largest tilt of a descent; the drone's own limit outside a flip is 70 deg, rad.
+        descent_rotation: largest body rate of a descent; brakes and landings in the simulated lab stay below
+            6, real flights of any kind below 17 (as `rotation_in_test_flight`), rad/s.
         descent_escape: farthest beyond the walls while braking or landing, m: `disagreement_in_flight`.
     """
 
@@ -330,11 +333,23 @@ class SafetyLimits:
         strictest=(3.5, "the fastest approach has 3 m/s to brake from"),
         loosest=(4.0, "nothing that brakes or lands is faster"),
     )
+    descent_speed_after_course: float = _limit(
+        7.0,
+        "m/s",
+        strictest=(6.5, "the fastest course asks for 6 m/s, and is landed from there"),
+        loosest=(7.0, "what is faster has already ended its course"),
+    )
     descent_tilt: float = _limit(
         _deg(75.0),
         "rad",
         strictest=(_deg(60.0), "a landing that still works would be dropped"),
         loosest=(_deg(75.0), "the drone's own limit is 70 deg"),
+    )
+    descent_rotation: float = _limit(
+        20.0,
+        "rad/s",
+        strictest=(18.0, "real flights turn at 17 rad/s at most"),
+        loosest=(20.0, "in 0.3 s a drone turns by more than 340 deg"),
     )
     descent_escape: float = _limit(
         0.25,

@@ -14,7 +14,7 @@ from perchhw.supervisor.events import Disarm, EmergencyStop, Land
 from perchhw.supervisor.gate import GateMemory, admit
 from perchhw.supervisor.violation import first_violation
 
-from .simulated_attempt import FLYING, MISSION, PERIOD, READY, turned
+from .simulated_attempt import FLYING, MISSION, PERIOD, READY, TEST_FLIGHT, turned
 from .states import DESCENDING, good_in, state_in
 
 LIMITS, TIMING = SafetyLimits(), Timing()
@@ -54,6 +54,19 @@ EDGES: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
         {"pose_position": None, "estimate_velocity": (0.0, 2.4, -3.2)},
         {"pose_position": None, "estimate_velocity": (0.0, 2.41, -3.2)},
     ),
+    (
+        "descent_speed",
+        {"estimate_velocity": (0.0, 2.4, -3.2)},
+        {"estimate_velocity": (0.0, 2.41, -3.2)},
+    ),
+    ("descent_speed", {}, {"estimate_velocity": (4.01, 0.0, 0.0)}),
+    (
+        "descent_rotation",
+        {"body_rates": (12.0, -12.0, 10.5)},
+        {"body_rates": (12.0, -12.0, 10.6)},
+    ),
+    ("descent_rotation", {"rates_age": None, "body_rates": None}, {"body_rates": None}),
+    ("descent_rotation", {"rates_age": nextafter(0.25, 1.0)}, {"rates_age": 0.25, "body_rates": None}),
     (
         "descent_tilt",
         {"estimate_quaternion": turned(tilt=radians(74.9))},
@@ -101,7 +114,9 @@ def test_a_place_that_nobody_knows_is_outside() -> None:
         "link_silence: unknown, need at most 1 s",
         "descent_estimate: unknown, need known",
         "descent_tilt: unknown, need at most 75 deg",
+        "None",
         "descent_place: unknown, need known",
+        "descent_speed_blind: unknown, need at most 4 m/s",
     ]
 
 
@@ -109,6 +124,18 @@ def test_an_estimate_counts_as_late_from_where_it_is_not_admitted_any_more() -> 
     edge = {"estimate_age": LIMITS.telemetry_age, "estimate_quaternion": None}
     assert broken(**edge) == "descent_tilt"
     assert broken(**{**edge, "estimate_age": nextafter(LIMITS.telemetry_age, 1.0)}) is None
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_a_landing_from_a_course_has_the_speed_of_a_course(seen: bool) -> None:
+    """From 6 m/s a drone that brakes with 8 m/s2 is above 4 m/s for longer than a rule may be broken."""
+    place: dict[str, Any] = {} if seen else {"pose_position": None}
+    for mission, limit in ((MISSION, 4.0), (TEST_FLIGHT, 7.0)):
+        for speed, orders in ((limit, []), (nextafter(limit, 9.0), [EmergencyStop])):
+            o = replace(good_in(Phase.LANDING), estimate_velocity=(-speed, 0.0, 0.0), **place)
+            state, _ = step(state_in(Phase.LANDING), Tick(o), 0.1, mission)
+            _, given = step(state, Tick(o), 0.1 + TIMING.stop_hold, mission)
+            assert [type(order.command) for order in given] == orders
 
 
 # --- braking and landing ----------------------------------------------------------------------------------

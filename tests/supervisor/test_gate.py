@@ -88,7 +88,7 @@ DENIED_AT_ONCE: dict[Phase, set[str]] = {
     Phase.APPROACHING: AIR,
 }
 """Fields whose loss ends a phase at once."""
-STOPPED_WHEN_IT_LASTS = {"link_silence", "drone_age"} | ESTIMATE
+STOPPED_WHEN_IT_LASTS = {"link_silence", "drone_age", "body_rates"} | ESTIMATE
 """Fields whose loss ends a descent after a while."""
 ANSWER: dict[Phase, list[type]] = {
     **{phase: [Land] for phase in HOVERING},

@@ -26,7 +26,9 @@ ONLY_STRICTER = {
     "descent_silence",
     "descent_disagreement",
     "descent_speed",
+    "descent_speed_after_course",
     "descent_tilt",
+    "descent_rotation",
     "descent_escape",
 }
 """Limits that a watchdog, a pack, a measured delay or a wall sets."""
@@ -73,6 +75,8 @@ def test_limits_that_belong_together_stay_in_order() -> None:
         ("tilt_on_ground", "tilt_in_hover"),
         ("tilt_in_hover", "tilt_in_test_flight"),
         ("rotation_in_hover", "rotation_in_test_flight"),
+        ("rotation_in_hover", "descent_rotation"),
+        ("descent_speed", "descent_speed_after_course"),
         ("battery_in_flight", "battery_at_rest"),
         ("battery_at_rest", "battery_full"),
     ):

@@ -210,7 +210,9 @@ FALLING_OUT: dict[str, dict[str, Any]] = {
     "drone_state_age": {"drone_age": 1.01},
     "descent_estimate": {"estimate_velocity": None},
     "descent_disagreement": {"estimate_position": (-3.0, 0.9, 2.0), "pose_position": (-3.0, 0.0, 1.5)},
+    "descent_speed": {"estimate_velocity": (0.0, 0.0, -4.1)},
     "descent_speed_blind": {"pose_position": None, "estimate_velocity": (0.0, 0.0, -4.1)},
+    "descent_rotation": {"body_rates": (0.0, 14.2, 14.2)},
     "descent_tilt": {"estimate_quaternion": turned(tilt=radians(75.1))},
     "descent_beyond_walls": {"pose_position": (-3.0, 1.26, 1.0), "estimate_position": (-3.0, 0.9, 1.0)},
 }
@@ -245,6 +247,8 @@ def test_a_descent_out_of_control_is_stopped_when_it_lasts(
         {"estimate_position": (-3.0, 0.5, 1.0), "pose_position": (-3.0, 0.0, 1.0)},
         {"battery_voltage": 2.5},
         {"estimate_velocity": (0.0, 0.0, -3.0)},
+        {"rates_age": 0.9, "body_rates": None},
+        {"body_rates": (0.0, 17.0, 0.0)},
     ],
     ids=lambda changes: next(iter(changes)),
 )
