@@ -41,6 +41,7 @@ _PATH = "look at thrust, imbalance and mocap (hover first); a wrong mass or cent
 _MARK = "put the drone on its start mark, upright, heading along +x"
 _ROOM = "compare room and start mark of the lab file with the room"
 _HOST = "end other programs on this computer; never suspend one that flies"
+_FIRMWARE = "flash the firmware that belongs to this program (perchhw doctor)"
 _REBOOT = "reboot the drone on its start mark, and find out why it stopped"
 
 RULES_BY_KIND: Final[dict[AbortKind, dict[str, RuleWords]]] = {
@@ -49,6 +50,7 @@ RULES_BY_KIND: Final[dict[AbortKind, dict[str, RuleWords]]] = {
         "link_lost": RuleWords(Cause.LINK_LOST, "the link to the drone was lost", _LINK),
         "drone_state_age": RuleWords(Cause.LINK_LOST, "the drone's state did not arrive any more", _LINK),
         "estimate_age": RuleWords(Cause.LINK_LOST, "the drone's estimate did not arrive any more", _LINK),
+        "landing_age": RuleWords(Cause.LINK_LOST, "the landing app's state did not arrive any more", _LINK),
         "rates_age": RuleWords(Cause.LINK_LOST, "the drone's gyro did not arrive any more", _LINK),
     },
     AbortKind.MOCAP: {
@@ -71,6 +73,7 @@ RULES_BY_KIND: Final[dict[AbortKind, dict[str, RuleWords]]] = {
         "drone_state": RuleWords(Cause.TUMBLED, "the drone's own supervisor says that it tumbled", _TUMBLE),
         "drone_can_fly": RuleWords(Cause.DRONE_ENDED_IT, "the drone's supervisor cut the motors", _REBOOT),
         "drone_can_arm": RuleWords(Cause.NOT_READY, "the drone's own checks do not let it arm", _REBOOT),
+        "landing_state": RuleWords(Cause.RULE, "the landing app was in a state unknown here", _FIRMWARE),
         "parameters": RuleWords(
             Cause.NOT_READY, "parameters of the drone are not as they must be", "perchhw doctor"
         ),

@@ -36,14 +36,16 @@ def _descent_guard(state: FlightState, o: Admitted, context: Context) -> tuple[F
 
 
 def braking(state: FlightState, o: Admitted, context: Context) -> Step:
-    """Until the drone holds, has cut its motors, or has had its time."""
+    """Until the drone holds, has cut its motors, or has had its time; or nobody knows what it does."""
     if o.landing_state in _MOTORS_CUT or (o.drone is not None and not o.drone.can_fly):
         return Step(enter(fell(state, cut_by_itself(o)), Phase.SETTLING, context, "the body to rest"))
     state, stopped = _descent_guard(state, o, context)
     if stopped is not None:
         return stopped
+    # The hand-over asks the drone for its state, and waits until it has let go: it does not hang on this one.
+    state, unknown = held(state, o.landing_state is None, context.timing.stop_hold, context)
     braked = o.landing_state in (LandingState.HOLD, LandingState.IDLE)
-    if braked or elapsed(state, context) > context.timing.brake_deadline:
+    if braked or unknown or elapsed(state, context) > context.timing.brake_deadline:
         return land(state, context)
     return Step(state)
 

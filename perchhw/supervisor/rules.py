@@ -138,6 +138,14 @@ def policy_known(o: Admitted, limits: SafetyLimits) -> Violation | None:
     return at_most("policy_crc_age", o.policy_crc_age, limits.telemetry_age, "s")
 
 
+def landing_state_known(o: Admitted, limits: SafetyLimits) -> Violation | None:
+    """The landing app says where it stands, in a word that is known here: only that tells a trigger."""
+    stale = at_most("landing_age", o.landing_age, limits.telemetry_age, "s")
+    if stale is None and o.landing_state is None:
+        return Violation("landing_state", "unknown", "known")
+    return stale
+
+
 def upright_on_ground(o: Admitted, limits: SafetyLimits) -> Violation | None:
     """The drone stands upright on the floor."""
     tilt = None if o.pose_attitude is None else degrees(o.pose_attitude.tilt)
@@ -208,6 +216,6 @@ TEST_FLIGHT_RULES: tuple[Rule, ...] = (
 )
 """While a test flight follows its course."""
 
-APPROACH_RULES: tuple[Rule, ...] = (*_AIRBORNE, clear_of_floor, steady_in_hover)
+APPROACH_RULES: tuple[Rule, ...] = (*_AIRBORNE, clear_of_floor, steady_in_hover, landing_state_known)
 """During the approach, until the trigger, beside the corridor (:mod:`perchhw.supervisor.corridor`): nothing
 here may cost a landing that is going well."""

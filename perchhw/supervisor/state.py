@@ -85,7 +85,8 @@ class Timing:
         arm_hold: between "may fly" and the take-off. The firmware's planner learns where the drone is up to
             10 ms after it may fly; an earlier take-off would start from the origin.
         stop_hold: how long a rule of the descent must be broken until the motors are cut: longer than a
-            lost packet, a swing or a tick about which nothing is known.
+            lost packet, a swing or a tick about which nothing is known. A brake whose state is unknown for
+            as long is landed.
         hang_hold: how long a landed drone must look as if it did not hold until the operator is told; a body
             that is caught hangs within 0.22 s of the cut, one that falls is 0.4 m lower after 0.3.
         switches_deadline: for approach and policy to be read back as off once the landing was ordered.

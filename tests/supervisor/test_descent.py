@@ -180,6 +180,19 @@ def test_a_brake_ends_when_the_drone_holds_or_has_cut_its_motors(
         assert after.waiting_for == "the body to rest"
 
 
+@pytest.mark.parametrize("unknown", [{"landing_state": 99}, {"landing_age": 0.26}, {"landing_age": None}])
+def test_a_brake_whose_state_is_not_known_for_long_is_landed(unknown: dict[str, Any]) -> None:
+    """The hand-over asks the drone itself, and waits until it has let go."""
+    state, ordered = look(state_in(Phase.BRAKING), 0.5, **unknown)
+    assert (state.phase, ordered) == (Phase.BRAKING, [])
+    before, ordered = look(state, nextafter(0.5 + TIMING.stop_hold, 0.0), **unknown)
+    assert (before.phase, ordered) == (Phase.BRAKING, [])
+    after, ordered = look(before, 0.5 + TIMING.stop_hold, **unknown)
+    assert (after.phase, ordered) == (Phase.LANDING, [Land])
+    known, _ = look(before, 0.5 + TIMING.stop_hold)
+    assert (known.phase, known.good_since) == (Phase.BRAKING, None)
+
+
 def test_a_drone_that_may_not_fly_any_more_rests_after_its_brake() -> None:
     after, ordered = look(state_in(Phase.BRAKING), drone=SupervisorInfo(READY))
     assert (after.phase, ordered) == (Phase.SETTLING, [])

@@ -85,7 +85,7 @@ DENIED_AT_ONCE: dict[Phase, set[str]] = {
     Phase.READY: GROUND,
     Phase.ARMING: GROUND,
     Phase.ARMING_APPROACH: AIR | POLICY,
-    Phase.APPROACHING: AIR,
+    Phase.APPROACHING: AIR | {"landing_state", "landing_age"},
 }
 """Fields whose loss ends a phase at once."""
 STOPPED_WHEN_IT_LASTS = {"link_silence", "drone_age", "body_rates"} | ESTIMATE

@@ -80,6 +80,8 @@ APPROACH = {
     **FLOOR,
     "rates_age": {"rates_age": 0.26},
     "rotation_in_hover": {"body_rates": (10.1, 0.0, 0.0)},
+    "landing_age": {"landing_age": 0.26},
+    "landing_state": {"landing_state": 99},
     "corridor_distance": at(PLAN.x0, 0.61, PLAN.z0),
     "corridor_speed": at(*PLAN[:3], vy=1.21),
     "corridor_tilt": {"estimate_quaternion": turned(tilt=-radians(36.0))},
