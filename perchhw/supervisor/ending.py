@@ -95,8 +95,12 @@ def disarming(state: FlightState, o: Admitted, context: Context) -> Step:
 
 
 def stopping(state: FlightState, o: Admitted, context: Context) -> Step:
-    """Only the stop path says when this is over."""
-    return Step(state)
+    """Until the stop path says what came of it. One that never says so may have stopped nothing."""
+    if elapsed(state, context) <= context.timing.stop_deadline:
+        return Step(state)
+    return after_stop(
+        state, f"the stop path did not report within {context.timing.stop_deadline:g} s", context
+    )
 
 
 def after_stop(state: FlightState, unconfirmed: str | None, context: Context) -> Step:

@@ -93,6 +93,8 @@ class Timing:
         bits_delay: oldest age that the drone's bits have when they are sent (it renews them at 25 Hz).
         watchdog_margin: how long after the last kick the drone's own watchdog (1 s) surely leaves it alone: a
             lock that is seen earlier is somebody's stop.
+        stop_deadline: for the stop path to report: it gives up after 3 s of silence or 5 s in all
+            (``onboard.link.stop``), so that what takes longer than both has died without a word.
         disarm_hold: for the bits to say "not armed" without a break, so that an arming that was still under
             way is seen.
     """
@@ -121,6 +123,7 @@ class Timing:
     watchdog_margin: float = 0.5
     disarm_hold: float = 0.2
     disarm_deadline: float = 2.0
+    stop_deadline: float = 8.0
 
 
 @dataclass(frozen=True, kw_only=True)

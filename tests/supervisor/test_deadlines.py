@@ -1,14 +1,17 @@
 """No phase waits for ever: each has its deadline, and what comes of it."""
 
 from dataclasses import replace
+from math import nextafter
 
 import pytest
 
 from onboard.app_interface import LandingState
+from onboard.link.stop import LONGEST_S, SILENT_S
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import (
     CommandDone,
     FlightState,
+    InternalError,
     Observation,
     Order,
     Phase,
@@ -54,6 +57,13 @@ DEADLINES: list[tuple[Phase, float, Phase, type[Command] | None, str]] = [
     (Phase.DISARMING, TIMING.disarm_deadline, Phase.STOPPING, EmergencyStop, "did not confirm"),
     (Phase.BRAKING, TIMING.brake_deadline, Phase.LANDING, Land, ""),
     (Phase.SETTLING, TIMING.settle, Phase.DISARMING, Disarm, ""),
+    (
+        Phase.STOPPING,
+        TIMING.stop_deadline,
+        Phase.DONE,
+        None,
+        "stop_unconfirmed: the stop path did not report",
+    ),
 ]
 
 
@@ -175,15 +185,31 @@ def test_a_stop_ends_only_when_its_own_path_says_so() -> None:
     state = state_in(Phase.STOPPING)
     locked = replace(good_in(Phase.STOPPING), drone=SupervisorInfo(SupervisorBits.LOCKED))
     answered = CommandDone(Order(7, EmergencyStop()))
-    for count, event in enumerate((Tick(locked), Tick(Observation()), answered) * 50):
+    for count, event in enumerate((Tick(locked), Tick(Observation()), answered) * 25):
         state, orders = step(state, event, count * 0.1, MISSION)
         assert (state.phase, orders) == (Phase.STOPPING, ())
-    assert step(state, StopConfirmed(), 20.0, MISSION).state.phase is Phase.DONE
-    unconfirmed = step(state, StopUnconfirmed("silent for 2 s"), 20.0, MISSION)
+    assert step(state, StopConfirmed(), 7.9, MISSION).state.phase is Phase.DONE
+    unconfirmed = step(state, StopUnconfirmed("silent for 2 s"), 7.9, MISSION)
     assert unconfirmed.state.phase is Phase.DONE
     assert "silent for 2 s" in (unconfirmed.state.alert or "")
     assert unconfirmed.state.stop_unconfirmed == "silent for 2 s"
     assert "silent for 2 s" in (unconfirmed.state.aborted_by or "")
+
+
+def test_a_stop_of_which_nobody_reports_ends_loudly() -> None:
+    """Its thread is gone: nobody knows whether a copy has left, and no order follows."""
+    locked = Tick(replace(good_in(Phase.STOPPING), drone=SupervisorInfo(SupervisorBits.LOCKED)))
+    assert TIMING.stop_deadline == SILENT_S + LONGEST_S, "longer than the stop path takes for any report"
+    for event in (Tick(Observation()), locked, InternalError("the clock reads nan")):
+        in_time = step(state_in(Phase.STOPPING), event, TIMING.stop_deadline, MISSION)
+        assert (in_time.state.phase, in_time.orders) == (Phase.STOPPING, ())
+        late = step(in_time.state, event, nextafter(TIMING.stop_deadline, 9.0), MISSION)
+        assert (late.state.phase, late.orders) == (Phase.DONE, ())
+        why = "the stop path did not report within 8 s"
+        assert late.state.stop_unconfirmed == why
+        assert (
+            late.state.alert == f"STOP NOT CONFIRMED ({why}): the motors may turn; keep away from the drone"
+        )
 
 
 @pytest.mark.parametrize("phase", [p for p in Phase if p not in (Phase.STOPPING, Phase.DONE)])
