@@ -157,6 +157,16 @@ def arm_approach(
     _expect_switches(link, on=True)
 
 
+def disarm_policy(link: "DroneLink") -> None:
+    """Switch the policy off, and read that back. The approach keeps its switch: that hands the drone over.
+
+    Raises:
+        CommandRefused: it does not read back off. LinkTimeout, LinkLost: the link failed.
+    """
+    link.set_param(Parameter.POLICY_ARM, 0)
+    _expect_switch(link, Parameter.POLICY_ARM, "policy", on=False)
+
+
 def release(
     link: "DroneLink", time: Timebase = WALL, within: float = RELEASE_TIMEOUT_S
 ) -> LandingState | None:
@@ -194,9 +204,13 @@ def _state(link: "DroneLink") -> LandingState | None:
 def _expect_switches(link: "DroneLink", on: bool) -> None:
     """Raise unless both switches read as wanted: the app takes back what it does not grant."""
     for name, what in ((Parameter.TRAJECTORY_ARM, "approach"), (Parameter.POLICY_ARM, "policy")):
-        if bool(link.param(name)) is not on:
-            wanted, found = ("on", "off") if on else ("off", "on")
-            raise CommandRefused(f"the drone does not switch the {what} {wanted}: {name} reads {found}")
+        _expect_switch(link, name, what, on)
+
+
+def _expect_switch(link: "DroneLink", name: Parameter, what: str, on: bool) -> None:
+    if bool(link.param(name)) is not on:
+        wanted, found = ("on", "off") if on else ("off", "on")
+        raise CommandRefused(f"the drone does not switch the {what} {wanted}: {name} reads {found}")
 
 
 def poll(ask: Callable[[], T], done: Callable[[T], bool], time: Timebase, within: float) -> T:

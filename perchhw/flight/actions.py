@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from onboard.app_interface import Parameter
 from onboard.errors import PerchhwError
 from onboard.firmware.constants import vehicle_crc32
-from onboard.link.landing_app import arm_approach, check_vehicle, release
+from onboard.link.landing_app import arm_approach, check_vehicle, disarm_policy, release
 from onboard.link.strays import COMMAND_LIFETIME_S
 from onboard.timebase import Event as Signal
 from onboard.timebase import Queue, Timebase
@@ -27,6 +27,7 @@ from perchhw.supervisor.events import (
     ArmApproach,
     Brake,
     Disarm,
+    DisarmPolicy,
     GoTo,
     Land,
     StartApproach,
@@ -237,6 +238,9 @@ class LandingCommands(CommandRunner):
                 link.set_param(Parameter.GO, 1)
             case Brake():
                 link.set_param(Parameter.ABORT, 1)
+                self._disarm_policy()
+            case DisarmPolicy():
+                self._disarm_policy()
             case Land():
                 # The app that has the drone hands it over and tells the planner where it is: the descent
                 # comes second.
@@ -256,6 +260,12 @@ class LandingCommands(CommandRunner):
         self._readback.switches_are(None)
         release(self._link, self._clock)
         self._readback.switches_are(False)
+
+    def _disarm_policy(self) -> None:
+        """Switch it off. A brake that works is not given up for this: the supervisor tells what stays on."""
+        with Caught(lambda error: _log.warning("the policy was not switched off", exc_info=error)):
+            disarm_policy(self._link)
+            self._readback.policy_armed = False
 
     def _arm_approach(self, order: Order) -> None:
         """Hand the approach to the drone, arm it, and arm the policy."""

@@ -16,6 +16,7 @@ _NAMES = {
     "StartApproach": "start the approach",
     "FlyCourse": "fly the course",
     "Brake": "brake and hold",
+    "DisarmPolicy": "switch the policy off",
     "Land": "land",
     "Disarm": "disarm",
     "EmergencyStop": "cut the motors now",

@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 from onboard.app_interface import EndReason, LandingState
-from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, fell, guard, stop, tell
+from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, fell, guard, order, stop, tell
 from perchhw.supervisor.corridor import inside_corridor
+from perchhw.supervisor.events import DisarmPolicy
 from perchhw.supervisor.landed import cut_by_itself, does_not_hold, inside_flip
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.rules import APPROACH_RULES, pose_good
@@ -37,7 +38,7 @@ def approaching(state: FlightState, o: Admitted, context: Context) -> Step:
             return Step(settling if fired else fell(settling, cut_by_itself(o)))
         case LandingState.BRAKE | LandingState.HOLD:
             braking = enter(state, Phase.BRAKING, context, "the drone to brake")
-            return Step(replace(braking, aborted_by=_broken_off_by(o, context)))
+            return order(replace(braking, aborted_by=_broken_off_by(o, context)), DisarmPolicy())
         case LandingState.FAULT:
             return abort(state, "the drone reports a fault in its landing state machine", context)
         case LandingState.APPROACH if state.approach_began is None:

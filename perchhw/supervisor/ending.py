@@ -47,7 +47,8 @@ def braking(state: FlightState, o: Admitted, context: Context) -> Step:
     braked = o.landing_state in (LandingState.HOLD, LandingState.IDLE)
     if braked or unknown or elapsed(state, context) > context.timing.brake_deadline:
         return land(state, context)
-    return Step(state)
+    armed = _still_armed(state, o.policy_armed is False, "the policy was", context)
+    return _tell_at_once(state, armed, context)
 
 
 def landing(state: FlightState, o: Admitted, context: Context) -> Step:
@@ -64,17 +65,21 @@ def landing(state: FlightState, o: Admitted, context: Context) -> Step:
         return stopped
     if since > context.timing.land + context.timing.land_margin:
         return abort(state, "the drone did not reach the floor", context)
-    armed = _still_armed(state, o, context)
-    return Step(tell(state, armed, context.timing.hang_hold if armed is None else 0.0, context))
+    off = o.policy_armed is False and o.trajectory_armed is False
+    armed = _still_armed(state, off, "approach and policy were", context)
+    return _tell_at_once(state, armed, context)
 
 
-def _still_armed(state: FlightState, o: Admitted, context: Context) -> str | None:
-    """What to tell when the landing app does not read back as disarmed while the drone lands, or ``None``."""
-    if not state.approach_ordered or elapsed(state, context) <= context.timing.switches_deadline:
+def _still_armed(state: FlightState, off: bool, what: str, context: Context) -> str | None:
+    """What to tell when the landing app's switches do not read back as `off` in a descent, or ``None``."""
+    if off or not state.approach_ordered or elapsed(state, context) <= context.timing.switches_deadline:
         return None
-    if o.policy_armed is False and o.trajectory_armed is False:
-        return None
-    return "STILL ARMED: approach and policy were not read back as off; keep away from the drone"
+    return f"STILL ARMED: {what} not read back as off; keep away from the drone"
+
+
+def _tell_at_once(state: FlightState, alert: str | None, context: Context) -> Step:
+    """What is told is told at once; that it is over, when it has been for a while."""
+    return Step(tell(state, alert, context.timing.hang_hold if alert is None else 0.0, context))
 
 
 def disarming(state: FlightState, o: Admitted, context: Context) -> Step:

@@ -51,7 +51,12 @@ class FlyCourse:
 
 @dataclass(frozen=True, slots=True)
 class Brake:
-    """Leave the approach on the drone: brake, then hold below the ceiling."""
+    """Leave the approach on the drone: brake, then hold below the ceiling. The policy is switched off."""
+
+
+@dataclass(frozen=True, slots=True)
+class DisarmPolicy:
+    """Switch the policy off on a drone that brakes by itself. The approach's switch hands it over: `Land`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +85,12 @@ Command = (
     | StartApproach
     | FlyCourse
     | Brake
+    | DisarmPolicy
     | Land
     | Disarm
     | EmergencyStop
 )
-URGENT_COMMANDS = (Brake, Land, Disarm)
+URGENT_COMMANDS = (Brake, DisarmPolicy, Land, Disarm)
 """Commands that do not wait behind others. An emergency stop has a path of its own, beside all of them."""
 
 

@@ -11,7 +11,7 @@ from onboard.app_interface import LandingState, Parameter, PolicyStatus, Traject
 from onboard.clock import monotonic
 from onboard.firmware.constants import vehicle_crc32
 from onboard.link import CommandRefused, DroneLink, LinkTimeout, NoSuchVariable
-from onboard.link.landing_app import arm_approach, check_vehicle, release
+from onboard.link.landing_app import arm_approach, check_vehicle, disarm_policy, release
 from onboard.policy.bundle import encode_bundle
 from onboard.room import RoomGeometry
 from onboard.timebase import WallTime
@@ -113,6 +113,18 @@ def test_release_in_the_approach_returns_when_the_drone_is_handed_over_and_land_
         until(served, lambda: served.call(lambda: served.flight.position[2]) < 0.1)
         there = served.call(lambda: served.flight.position)
         assert there[0] == pytest.approx(here[0], abs=0.4), "down from where it was, not from the old goal"
+
+
+def test_a_policy_that_is_switched_off_in_a_brake_leaves_the_drone_with_the_app() -> None:
+    with flown(at_the_start()) as (served, link):
+        arm_approach(link, PLAN, lab_time(served))
+        link.set_param(Parameter.GO, 1)
+        until(served, in_state(served, LandingState.APPROACH))
+        link.set_param(Parameter.ABORT, 1)
+        disarm_policy(link)
+        until(served, in_state(served, LandingState.HOLD))
+        assert (link.param(Parameter.TRAJECTORY_ARM), link.param(Parameter.POLICY_ARM)) == (1, 0)
+        assert release(link, lab_time(served)) is LandingState.IDLE
 
 
 def test_release_of_a_drone_whose_motors_are_off_does_not_wait() -> None:

@@ -30,6 +30,7 @@ from perchhw.supervisor.events import (
     Brake,
     Command,
     Disarm,
+    DisarmPolicy,
     EmergencyStop,
     FlyCourse,
     GoTo,
@@ -210,6 +211,9 @@ class SimulatedAttempt:
                 self.course_ends = self.now + self.mission.approach_duration
             case Brake():
                 self._landing(LandingState.HOLD)
+                self.world = replace(self.world, policy_armed=False)
+            case DisarmPolicy():
+                self.world = replace(self.world, policy_armed=False)
             case Land(_):
                 self._landing(LandingState.IDLE)
                 self.world = replace(self.world, policy_armed=False, trajectory_armed=False)

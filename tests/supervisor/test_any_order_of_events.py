@@ -34,6 +34,7 @@ from perchhw.supervisor.events import (
     ArmApproach,
     Brake,
     Disarm,
+    DisarmPolicy,
     EmergencyStop,
     FlyCourse,
     GoTo,
@@ -50,7 +51,7 @@ from .states import ALL_PHASES, good_in, mission_of, state_in
 
 PLAN_ORDER = (UploadPolicy, Arm, TakeOff, GoTo, ArmApproach, FlyCourse, StartApproach)
 """Commands of the plan, in its order; a test flight has a course instead of an approach."""
-WAYS_OUT = (Brake, Land, Disarm, EmergencyStop)
+WAYS_OUT = (Brake, DisarmPolicy, Land, Disarm, EmergencyStop)
 LONGEST = 60.0
 """s within which any phase, left to itself, has ended; a mission has no phase whose deadline is longer."""
 
@@ -102,6 +103,7 @@ COMMANDS = st.sampled_from(
         StartApproach(),
         FlyCourse(),
         Brake(),
+        DisarmPolicy(),
         Land(3.5),
         Disarm(),
         EmergencyStop(),

@@ -10,7 +10,7 @@ from mocap_bridge.health import PoseVerdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.room import RoomGeometry
 from perchhw.supervisor import FlightState, Observation, Phase, SafetyLimits, Tick, Timing, step
-from perchhw.supervisor.events import Brake, Disarm, EmergencyStop
+from perchhw.supervisor.events import Brake, Disarm, DisarmPolicy, EmergencyStop
 from perchhw.supervisor.gate import GateMemory, admit
 from perchhw.supervisor.landed import does_not_hold
 
@@ -34,8 +34,8 @@ REPORTED: list[tuple[LandingState, Phase, str, list[type]]] = [
     (LandingState.APPROACH, Phase.APPROACHING, "", []),
     (LandingState.FLIP, Phase.FLIPPING, "the end of the flip", []),
     (LandingState.CUT, Phase.SETTLING, "the body to rest", []),
-    (LandingState.BRAKE, Phase.BRAKING, "the drone to brake", []),
-    (LandingState.HOLD, Phase.BRAKING, "the drone to brake", []),
+    (LandingState.BRAKE, Phase.BRAKING, "the drone to brake", [DisarmPolicy]),
+    (LandingState.HOLD, Phase.BRAKING, "the drone to brake", [DisarmPolicy]),
     (LandingState.FAULT, Phase.BRAKING, "the drone to brake", [Brake]),
 ]
 

@@ -322,12 +322,17 @@ def test_what_hangs_by_two_feet_is_told_until_the_end() -> None:
 def test_switches_that_are_not_read_back_as_off_are_told(
     policy: bool | None, trajectory: bool | None, told: bool
 ) -> None:
-    o = replace(good_in(Phase.LANDING), policy_armed=policy, trajectory_armed=trajectory)
-    ordered_before = replace(state_in(Phase.LANDING), approach_ordered=True)
-    limit = Timing().switches_deadline
-    assert step(ordered_before, Tick(o), limit, MISSION).state.alert is None
-    after = step(ordered_before, Tick(o), limit + 0.01, MISSION)
-    assert ("STILL ARMED" in (after.state.alert or "")) == told
+    what = "STILL ARMED: {} not read back as off; keep away from the drone"
+    for phase, words, due in (
+        (Phase.LANDING, "approach and policy were", told),
+        (Phase.BRAKING, "the policy was", policy is not False),
+    ):
+        o = replace(good_in(phase), policy_armed=policy, trajectory_armed=trajectory)
+        ordered_before = replace(state_in(phase), approach_ordered=True)
+        limit = Timing().switches_deadline
+        assert step(ordered_before, Tick(o), limit, MISSION).state.alert is None
+        after = step(ordered_before, Tick(o), limit + 0.01, MISSION)
+        assert after.state.alert == (what.format(words) if due else None)
     assert after.orders == ()
     never = step(state_in(Phase.LANDING), Tick(o), limit + 0.01, MISSION)
     assert never.state.alert is None

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from onboard.app_interface import LandingState
 from perchhw.supervisor import (
     CommandFailed,
     LinkDown,
@@ -29,6 +30,10 @@ ENTERED: dict[Phase, tuple[Phase, type, str]] = {
 """Where a first Ctrl-C leads from each phase, what it orders, and what is then waited for."""
 
 
+BRAKES = replace(good_in(Phase.APPROACHING), landing_state=LandingState.BRAKE)
+"""The drone has broken off its approach by itself."""
+
+
 @pytest.mark.parametrize("phase", list(ENTERED))
 def test_a_new_phase_begins_with_nothing_of_the_old_one(phase: Phase) -> None:
     old = replace(state_in(phase), good_since=0.05, bad_since=0.05, answered_at=0.05, waiting_for="old")
@@ -41,7 +46,9 @@ def test_a_new_phase_begins_with_nothing_of_the_old_one(phase: Phase) -> None:
 
 
 def test_what_ends_a_flight_does_not_wait_behind_other_commands() -> None:
-    assert set(URGENT_COMMANDS) == {command for _, command, _ in ENTERED.values()}
+    braking = step(state_in(Phase.APPROACHING), Tick(BRAKES), PERIOD, MISSION).orders
+    by_the_drone = {type(order.command) for order in braking}
+    assert set(URGENT_COMMANDS) == {command for _, command, _ in ENTERED.values()} | by_the_drone
 
 
 def test_a_stop_says_what_it_waits_for() -> None:
