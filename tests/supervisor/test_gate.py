@@ -12,7 +12,7 @@ from perchhw.supervisor import Observation, Phase, SafetyLimits, Step, Tick, Tim
 from perchhw.supervisor.events import Arm, Brake, Disarm, EmergencyStop, Land
 from perchhw.supervisor.gate import GateMemory, admit
 
-from .simulated_attempt import PERIOD, turned
+from .simulated_attempt import FLYING, PERIOD, turned
 from .states import ALL_PHASES, HOVERING, good_in, mission_of, state_in
 
 NUMBERS = {"link_silence", "battery_voltage"}
@@ -27,7 +27,7 @@ WORDS = {"pose_problem", "parameters_problem"}
 
 
 def bad_values(name: str) -> dict[str, Any]:
-    """Values of a field that must count as unknown, by what is wrong with them."""
+    """Values of a field that must count as unknown, by what is wrong with them: none is legal."""
     bad: dict[str, Any] = {"none": None}
     if name in NUMBERS | AGES:
         bad |= {
@@ -47,18 +47,36 @@ def bad_values(name: str) -> dict[str, Any]:
             "inf": (0.0, 0.0, -inf),
             "absurd": (0.0, 1e6, 0.0),
             "short": (0.0, 0.0),
+            "long": (0.0, 0.0, 0.0, 0.0),
+            "list": [0.0, 0.0, 0.0],
+            "number": 0.0,
+            "text": "000",
+            "texts": ("0", "0", "0"),
+            "booleans": (False, False, False),
         }
     if name in QUATERNIONS:
         bad |= {"nan": (nan, 0.0, 0.0, 1.0), "inf": (0.0, 0.0, 0.0, inf), "zero": (0.0, 0.0, 0.0, 0.0)}
         bad |= {"absurd": (0.0, 0.0, 0.0, 1.1), "negative": (0.0, 0.0, 0.0, -0.9), "short": (0.0, 0.0, 1.0)}
+        bad |= {"list": [0.0, 0.0, 0.0, 1.0], "number": 1.0, "text": "0001"}
+        bad |= {"texts": ("0", "0", "0", "1"), "booleans": (False, False, False, True)}
     if name in KINDS:
-        bad |= {"nan": nan, "absurd": 99, "negative": -1}
+        bad |= {
+            "nan": nan,
+            "inf": inf,
+            "absurd": 99,
+            "negative": -1,
+            "zero": 0,
+            "text": "OK",
+            "boolean": True,
+        }
     if name in COUNTS:
-        bad |= {"nan": nan, "inf": inf, "negative": -1, "absurd": 2**40}
+        bad |= {"nan": nan, "inf": inf, "negative": -1, "absurd": 2**40, "text": "0", "boolean": True}
+        bad |= {"float": 0.0}
     if name in SWITCHES:
-        bad |= {"nan": nan, "absurd": 7, "zero": 0}
+        bad |= {"nan": nan, "inf": inf, "negative": -1, "absurd": 7, "zero": 0, "one": 1, "text": "False"}
     if name == "drone":
-        bad |= {"negative": SupervisorInfo(-1), "absurd": SupervisorInfo(2**20), "nan": nan}
+        bad |= {"negative": SupervisorInfo(-1), "absurd": SupervisorInfo(2**20), "nan": nan, "inf": inf}
+        bad |= {"zero": 0, "number": int(FLYING), "text": "flying", "boolean": True}
     return bad
 
 

@@ -130,7 +130,10 @@ def test_a_broken_rule_ends_the_phase(phase: Phase, rule: str, changes: dict[str
     assert ordered(after) == ANSWER[phase]
 
 
-@pytest.mark.parametrize(("rule", "changes"), ON_GROUND.items(), ids=ON_GROUND)
+CHECKED: dict[str, dict[str, Any]] = {**ON_GROUND, "drone_can_arm": {"drone": SupervisorInfo(0)}}
+
+
+@pytest.mark.parametrize(("rule", "changes"), CHECKED.items(), ids=CHECKED)
 def test_the_preflight_checks_wait_for_what_the_ground_demands(rule: str, changes: dict[str, Any]) -> None:
     state, orders = tick(state_in(Phase.CHECKING), PERIOD, **changes)
     assert state.waiting_for.startswith(f"{rule}:")
