@@ -231,7 +231,9 @@ class LandingCommands(CommandRunner):
             case UploadPolicy():
                 if self._vehicle is not None:
                     check_vehicle(link, vehicle_crc32(self._vehicle), self._vehicle.name)
-                return link.upload_policy(self._bundle)
+                live = link.upload_policy(self._bundle)
+                self._check_settings_again()
+                return live
             case ArmApproach():
                 self._arm_approach(order)
             case StartApproach():
@@ -260,6 +262,12 @@ class LandingCommands(CommandRunner):
         self._readback.switches_are(None)
         release(self._link, self._clock)
         self._readback.switches_are(False)
+
+    def _check_settings_again(self) -> None:
+        """The settings as they are now: once the upload has ended, nothing but the order to arm follows."""
+        self._readback.check_again(self._link)
+        if not self._readback.parameters_ok:
+            raise CommandRefusedOnboard(f"parameters: {self._readback.parameters_problem}")
 
     def _disarm_policy(self) -> None:
         """Switch it off. A brake that works is not given up for this: the supervisor tells what stays on."""

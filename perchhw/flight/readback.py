@@ -1,7 +1,7 @@
 """What was asked of the drone itself rather than logged by it: settings that matter, and our two switches."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from onboard.app_interface import Parameter
@@ -38,9 +38,18 @@ class ReadBack:
     parameters_problem: str | None = None
     policy_armed: bool | None = None
     trajectory_armed: bool | None = None
+    _needed: Mapping[str, int] | None = field(default=None, init=False, repr=False)
 
     def check_settings(self, link: "DroneLink", needed: Mapping[str, int]) -> None:
         """Read every setting that is `needed` and compare."""
+        self._needed = needed
+        self.check_again(link)
+
+    def check_again(self, link: "DroneLink") -> None:
+        """Read them once more: somebody else may have changed them since."""
+        needed = self._needed
+        if needed is None:
+            return
         problems = [text for name, value in needed.items() if (text := _problem(link, name, value))]
         self.parameters_ok = not problems
         self.parameters_problem = "; ".join(problems) or None

@@ -1,11 +1,18 @@
 """Every setting of the drone that could harm a flight is read back before it is armed."""
 
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from onboard.link.errors import LinkTimeout, NoSuchVariable
+from onboard.timebase import WALL
+from perchhw.flight.actions import LandingCommands
+from perchhw.flight.mission import AttemptPlan
 from perchhw.flight.readback import LANDING_SETTINGS, OWN_LAW, TEST_FLIGHT_SETTINGS, ReadBack
+from perchhw.supervisor import CommandDone, CommandFailed, Order
+from perchhw.supervisor.events import UploadPolicy
+
+WITHIN = 30.0
 
 GOOD = {
     "stabilizer.controller": 6,
@@ -24,7 +31,7 @@ CASES = [(kind, name) for kind, (_, names) in NEEDED.items() for name in names]
 
 
 class Drone:
-    """Answers with these values, or raises them."""
+    """Answers with these values, or raises them; takes every policy."""
 
     def __init__(self, **wrong: float | Exception) -> None:
         self.values: dict[str, float | Exception] = {**GOOD, **wrong}
@@ -35,6 +42,10 @@ class Drone:
         if isinstance(value, Exception):
             raise value
         return value
+
+    def upload_policy(self, bundle: bytes) -> int:
+        """The CRC that is then live."""
+        return len(bundle)
 
 
 def checked(kind: str, **wrong: float | Exception) -> ReadBack:
@@ -74,3 +85,33 @@ def test_all_that_is_wrong_is_told_at_once() -> None:
     readback.refuse("another vehicle")
     assert readback.parameters_problem is not None
     assert len(readback.parameters_problem.split("; ")) == 5
+
+
+@pytest.mark.parametrize("name", NEEDED["landing"][1])
+@pytest.mark.parametrize("then", [9, LinkTimeout("silent")])
+def test_a_setting_that_somebody_changes_meanwhile_is_seen_before_the_drone_is_armed(
+    name: str, then: float | Exception
+) -> None:
+    drone = Drone()
+    link: Any = drone
+    readback, events, no_plan = ReadBack(), WALL.queue(), cast(AttemptPlan, None)
+    readback.check_settings(link, LANDING_SETTINGS)
+    runner = LandingCommands(link, events, WALL, readback, no_plan, b"12345", None)
+    try:
+        runner.submit(Order(1, UploadPolicy()))
+        assert events.get(timeout=WITHIN) == CommandDone(Order(1, UploadPolicy()), 5)
+        drone.values[name] = then
+        runner.submit(Order(2, UploadPolicy()))
+        answer = events.get(timeout=WITHIN)
+    finally:
+        runner.close()
+    assert isinstance(answer, CommandFailed)
+    assert answer.reason.startswith(f"parameters: {name} is ")
+    assert readback.parameters_ok is False
+
+
+def test_settings_that_nobody_has_named_are_not_known_by_asking_again() -> None:
+    link: Any = Drone()
+    readback = ReadBack()
+    readback.check_again(link)
+    assert readback.parameters_ok is None
