@@ -242,6 +242,17 @@ def test_a_descent_out_of_control_is_stopped_when_it_lasts(
     assert recovered.state.bad_since is None
 
 
+@pytest.mark.parametrize(("rule", "changes"), FALLING_OUT.items(), ids=FALLING_OUT)
+def test_a_landing_from_a_course_keeps_the_same_rules_but_that_of_its_speed(
+    rule: str, changes: dict[str, Any]
+) -> None:
+    o, state = replace(good_in(Phase.LANDING), **changes), state_in(Phase.LANDING)
+    for now in (PERIOD, PERIOD + Timing().stop_hold):
+        state, orders = step(state, Tick(o), now, mission_of(Phase.TEST_FLIGHT))
+    stopped = [type(order.command) for order in orders] == [EmergencyStop]
+    assert stopped == (rule not in ("descent_speed", "descent_speed_blind"))
+
+
 @pytest.mark.parametrize("phase", DESCENDING)
 @pytest.mark.parametrize(
     "changes",
