@@ -7,7 +7,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mocap_bridge.bridge import PoseBridge
 from onboard.link import DroneLink
@@ -147,7 +147,7 @@ class FlightLoop:
         if event is not None:
             return event
         now = self._now()
-        self.lateness.note(now - self._next_tick)
+        self._safely(lambda: self.lateness.note(now - self._next_tick), None)
         self._next_tick = max(self._next_tick + TICK_PERIOD, now)
         return Tick(observation)
 
@@ -202,7 +202,7 @@ class FlightLoop:
     def _advance(self, event: Event) -> None:
         """One step of the supervisor, and what follows from it."""
         if not isinstance(event, Tick):
-            self.record.event(type(event).__name__, self._now(), what=str(event))
+            self._note(type(event).__name__, self._now(), what=str(event))
         before = self.state
         self.state, orders = self._step(event)
         self._safely(lambda: self.commands.retire(self.state.oldest_in_force), None)
@@ -240,7 +240,7 @@ class FlightLoop:
                 self.link.stop_path.trigger()
             else:
                 self.commands.submit(order)
-        self.record.event("command", self._now(), command=str(order.command), number=order.number)
+        self._note("command", self._now(), command=str(order.command), number=order.number)
 
     def _not_given(self, order: Order, error: BaseException) -> None:
         self._keep(error)
@@ -251,8 +251,8 @@ class FlightLoop:
 
     def _announce(self) -> None:
         state, now = self.state, self._now()
-        self.record.event("phase", now, phase=state.phase, aborted_by=state.aborted_by, **_alert(state.alert))
-        self.record.write("supervisor", now, {"state": state.phase.value})
+        self._note("phase", now, phase=state.phase, aborted_by=state.aborted_by, **_alert(state.alert))
+        self._safely(lambda: self.record.write("supervisor", now, {"state": state.phase.value}), None)
         on_phase = self.on_phase
         if on_phase is not None:
             with Caught(self._stop_showing):
@@ -280,13 +280,17 @@ class FlightLoop:
 
     def _keep(self, error: BaseException) -> None:
         """Remember an error of ours; the supervisor is told of the first."""
+        self._tell(error)
+        told = "".join(traceback.format_exception(error))
+        self._note("internal_error", self._time, error=repr(error), traceback=told)
+
+    def _note(self, name: str, t: float, **fields: Any) -> None:
+        """Put an event on record. A recorder that raises, which it must not, is an error like any other."""
+        with Caught(self._tell):
+            self.record.event(name, t, **fields)
+
+    def _tell(self, error: BaseException) -> None:
         _log.error("error in perchhw during the flight; the drone lands first", exc_info=error)
-        self.record.event(
-            "internal_error",
-            self._time,
-            error=repr(error),
-            traceback="".join(traceback.format_exception(error)),
-        )
         if "internal" not in self._told:
             self._told.add("internal")
             self._own_events.append(InternalError(repr(error)))

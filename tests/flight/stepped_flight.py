@@ -15,6 +15,7 @@ from mocap_bridge.health import PoseVerdict
 from onboard.link.stop import StopReport
 from onboard.timebase import WallTime
 from perchhw.flight.actions import CommandRunner
+from perchhw.flight.host_load import Lateness
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import WatchdogKicker
 from perchhw.flight.loop import FlightLoop
@@ -137,6 +138,19 @@ class DirectRecorder(FlightRecorder):
                 call()
 
 
+class TrappedLateness(Lateness):
+    """How late the loop is, which passes the injection first."""
+
+    def __init__(self, injection: Injection) -> None:
+        super().__init__()
+        self._injection = injection
+
+    def note(self, late: float) -> None:
+        """As the usual one."""
+        self._injection.touch("lateness.note")
+        super().note(late)
+
+
 class DirectLink:
     """The drone's commander and supervisor without packets, and a stop path without a network."""
 
@@ -256,7 +270,7 @@ def fly(folder: Path, injection: Injection, recorder: type[FlightRecorder] = Dir
             bridge=trap("bridge", _Bridge()),
             telemetry=trap("telemetry", link),
             commands=trap("commands", runner),
-            record=record,
+            record=trap("record", record),
             interrupts=trap("interrupts", interrupts),
             kicker=trap("kicker", WatchdogKicker(link, time)),  # type: ignore[arg-type]
             events=trap("events", events),
@@ -270,6 +284,7 @@ def fly(folder: Path, injection: Injection, recorder: type[FlightRecorder] = Dir
             limits=SafetyLimits(),
             on_phase=trap("on_phase", lambda _state: None),
             on_look=trap("on_look", lambda _state, _observation: None),
+            lateness=TrappedLateness(injection),
         )
         injection.state, injection.wait = lambda: loop.state, flight.run
         state = loop.run()

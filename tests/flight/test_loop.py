@@ -20,6 +20,10 @@ PLACES = (
     "telemetry.observe",
     "commands.retire",
     "commands.submit",
+    "record.event",
+    "record.write",
+    "record.lost",
+    "lateness.note",
     "recorder.event",
     "recorder.write",
     "interrupts.count",
@@ -50,7 +54,17 @@ def test_the_loop_calls_nothing_else(tmp_path: Path) -> None:
     assert used == {*PLACES, *DISPLAYS}
 
 
-@pytest.mark.parametrize("phase", [Phase.TAKING_OFF, pytest.param(Phase.LANDING, marks=pytest.mark.further)])
+PHASES = (
+    Phase.TAKING_OFF,
+    Phase.LANDING,
+    Phase.MOVING_TO_START,
+    Phase.CHECKING,
+    Phase.ARMING,
+    Phase.DISARMING,
+)
+
+
+@pytest.mark.parametrize("phase", some(PHASES, len(PHASES)))
 @pytest.mark.parametrize("place", PLACES)
 def test_one_exception_in_the_air_ends_in_a_soft_landing(
     place: str, phase: Phase, tmp_path: Path, caplog: pytest.LogCaptureFixture
@@ -141,16 +155,18 @@ def test_a_program_that_stood_still_in_the_air_lands_and_says_why(
     assert str(stepped.state.aborted_by).startswith(told)
 
 
-@pytest.mark.parametrize("place", STOP_PLACES)
+@pytest.mark.parametrize(
+    ("place", "always"), [*((place, False) for place in STOP_PLACES), ("stop_path.report", True)]
+)
 def test_a_stop_whose_answer_cannot_be_read_still_ends(
-    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    place: str, always: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The landing cannot be ordered, so the supervisor stops; then the way to the stop fails, once."""
+    """The landing cannot be ordered, so the supervisor stops; then the way to the stop fails."""
 
     def no_landing(self: Any, order: Any) -> None:
         raise Injected("submit")
 
-    injection = Injection(place, Phase.STOPPING)
+    injection = Injection(place, Phase.STOPPING, always)
     from tests.flight.stepped_flight import DirectRunner
 
     carry_out = DirectRunner.submit
@@ -167,7 +183,7 @@ def test_a_stop_whose_answer_cannot_be_read_still_ends(
     if place == "stop_path.report":
         assert at_rest(stepped)
         assert stepped.flight.info.is_locked
-    else:
+    if always or place != "stop_path.report":
         assert stepped.state.alert is not None, "the operator must know that it may still fly"
 
 
