@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mocap_bridge.health import PoseVerdict
 from onboard.link.stop import StopReport
@@ -239,11 +239,38 @@ class Stepped:
     late_s: float
 
 
-def fly(folder: Path, injection: Injection, recorder: type[FlightRecorder] = DirectRecorder) -> Stepped:
-    """Hover, then land because the end of the course never comes; or because of what is injected."""
+class Flown(NamedTuple):
+    """What is flown: by which link, who carries the orders out, and what the supervisor works towards."""
+
+    link: DirectLink
+    commands: CommandRunner
+    mission: Mission
+
+
+def hover_only(flight: Flight, time: SteppedTime, events: SteppedQueue) -> Flown:
+    """A hover, and a course whose end never comes."""
+    link = DirectLink(flight)
+    mission = Mission(
+        policy_crc=0,
+        start=(*flight.position[:2], HOVER),  # type: ignore[arg-type]
+        hover_height=HOVER,
+        approach_duration=1.0,
+        test_flight=True,
+    )
+    return Flown(link, DirectRunner(link, events, time), mission)  # type: ignore[arg-type]
+
+
+def fly(
+    folder: Path,
+    injection: Injection,
+    recorder: type[FlightRecorder] = DirectRecorder,
+    flown: Callable[[Flight, SteppedTime, SteppedQueue], Flown] = hover_only,
+) -> Stepped:
+    """Fly until the supervisor is done: as planned, or otherwise because of what is injected."""
     flight = _Drone()
     flight.run(1.0)
-    time, events, link = SteppedTime(flight), SteppedQueue(flight), DirectLink(flight)
+    time, events = SteppedTime(flight), SteppedQueue(flight)
+    link, runner, mission = flown(flight, time, events)
     speeds: list[float] = []
     tick = flight.tick
 
@@ -258,7 +285,6 @@ def fly(folder: Path, injection: Injection, recorder: type[FlightRecorder] = Dir
         return Trap(name, target, injection)
 
     link.stop_path = trap("stop_path", link)  # type: ignore[attr-defined]
-    runner = DirectRunner(link, events, time)  # type: ignore[arg-type]
     with (
         RunRecorder(folder, {}) as written,
         recorder(trap("recorder", written)) as record,
@@ -274,13 +300,7 @@ def fly(folder: Path, injection: Injection, recorder: type[FlightRecorder] = Dir
             interrupts=trap("interrupts", interrupts),
             kicker=trap("kicker", WatchdogKicker(link, time)),  # type: ignore[arg-type]
             events=trap("events", events),
-            mission=Mission(
-                policy_crc=0,
-                start=(*flight.position[:2], HOVER),  # type: ignore[arg-type]
-                hover_height=HOVER,
-                approach_duration=1.0,
-                test_flight=True,
-            ),
+            mission=mission,
             limits=SafetyLimits(),
             on_phase=trap("on_phase", lambda _state: None),
             on_look=trap("on_look", lambda _state, _observation: None),

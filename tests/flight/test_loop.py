@@ -11,6 +11,7 @@ from perchhw.flight.recording import FlightRecorder
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Phase
 from tests.flight.stepped_flight import Injected, Injection, Stepped, fly
+from tests.flight.stepped_landing import APPROACH, landing_attempt
 from tests.tiers import some
 
 PLACES = (
@@ -80,6 +81,29 @@ def test_one_exception_in_the_air_ends_in_a_soft_landing(
         assert stepped.fastest_fall < SOFT
         assert not stepped.flight.info.is_locked
     assert Injected in [record.exc_info[0] for record in caplog.records if record.exc_info]
+
+
+@pytest.mark.further
+@pytest.mark.parametrize("phase", [Phase.APPROACHING, Phase.FLIPPING, Phase.SETTLING])
+@pytest.mark.parametrize("place", PLACES)
+def test_one_exception_on_the_way_to_the_ceiling_costs_no_drone(
+    place: str, phase: Phase, tmp_path: Path
+) -> None:
+    """Before the trigger the drone brakes and lands; from it on the flip goes on, and it hangs."""
+    injection = Injection(place, phase)
+    stepped = fly(tmp_path / "run", injection, flown=landing_attempt)
+    if not injection.thrown:
+        pytest.skip("this is not called in this phase")
+    assert stepped.state.phase is Phase.DONE
+    assert stepped.state.aborted_by or stepped.state.record_lost, "it is told"
+    assert not stepped.flight.firmware.ratios.any()
+    assert not stepped.flight.info.is_locked
+    assert stepped.state.triggered == (phase is not Phase.APPROACHING)
+    if stepped.state.triggered:
+        assert stepped.flight.position[2] > APPROACH.ceiling_z - 0.15
+    else:
+        assert stepped.flight.position[2] < 0.15
+        assert stepped.fastest_fall < SOFT
 
 
 @pytest.mark.parametrize("place", some(PLACES, 3))
