@@ -18,6 +18,7 @@ from perchhw.cli.learn_options import (
     progress_of,
 )
 from perchhw.cli.learn_report import report, write_report
+from perchhw.cli.learn_surface import surface
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import emit
 from perchhw.consoles import console, progress_console
@@ -42,6 +43,7 @@ app.command()(report)
 app.command()(legs)
 app.command()(hinge)
 app.command()(agreement)
+app.command()(surface)
 
 RefineOption = Annotated[
     bool,

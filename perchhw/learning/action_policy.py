@@ -83,7 +83,7 @@ def fit_action(
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = _network((scaled_states.shape[1], *settings.hidden, 1))
-    with _one_thread():
+    with one_thread():
         _optimise(network, inputs[train], targets[train], settings)
     with torch.no_grad():
         errors = (network(inputs) - targets).numpy()[:, 0] * _OUTPUT_UNIT
@@ -121,7 +121,7 @@ def _optimise(
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Threads that share so small a network wait for each other, ten times as long on a busy machine."""
     import torch
 

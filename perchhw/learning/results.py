@@ -82,8 +82,16 @@ class LearningResults:
         """Best rate of the pairs at each condition."""
         return RateMap("sensory-motor pairs", best_per_condition(self.pairs))
 
+    @property
+    def measured_alone(self) -> bool:
+        """Whether the validation was asked for in the measured world, and so has no other."""
+        return self.measured is not None and self.validation == self.measured
+
     def policy_rates(self) -> RateMap | None:
-        """Rate of the two-stage policy at each condition, in the world that was asked for."""
+        """Rate of the two-stage policy at each condition, in the world that was asked for; None where that is
+        the measured one."""
+        if self.measured_alone:
+            return None
         sensing = (self.validation_summary or {}).get("settings", {}).get("sensing", "")
         return _rates_of(self.validation, f"policy, {sensing} cues" if sensing else "policy")
 

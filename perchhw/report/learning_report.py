@@ -112,6 +112,9 @@ def _expected(results: LearningResults) -> str:
     measured, expected = summary.get("measured"), summary.get("real_rate")
     if measured is None:
         return ""
+    worlds = [("simulated, as real approaches scatter", measured)]
+    if not results.measured_alone:
+        worlds.append((f"simulated, {summary['settings']['sensing']} cues", summary))
     rows = [
         [
             name,
@@ -119,10 +122,7 @@ def _expected(results: LearningResults) -> str:
             f"{world['two_leg_rate']:.2f}",
             f"{world['trigger_rate']:.2f}",
         ]
-        for name, world in (
-            ("simulated, as real approaches scatter", measured),
-            (f"simulated, {summary['settings']['sensing']} cues", summary),
-        )
+        for name, world in worlds
     ]
     words = (
         "No real flights tell what this vehicle does of that: perchhw gap landings --out, then "

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,20 @@ def test_measured_dispersion_comes_first(learned: Path) -> None:
     assert "measured" in page.row("approach angle", "speed", "conditions")[3]
     assert summary["real_rate"] is None  # no real flights of a vehicle whose feet always hold
     assert "--landings" in page.text
+
+
+def test_the_measured_world_stands_once(copy_of_learned: Path) -> None:
+    """A validation that was asked for in it has one world, not the same one twice."""
+    shutil.copy(copy_of_learned / "validation_measured.csv", copy_of_learned / "validation.csv")
+    summary = copy_of_learned / "validation.json"
+    document = json.loads(summary.read_text())
+    document["settings"]["sensing"] = "measured"
+    summary.write_text(json.dumps({**document, **document["measured"]}))
+    page = Page(Path(write_report(copy_of_learned)["report"]))
+    assert page.row("simulated, as real approaches scatter")
+    assert "simulated, measured cues" not in page.text
+    heading = page.row("approach angle", "speed", "conditions")
+    assert [name for name in heading if name.startswith("policy,")] == ["policy, measured dispersion"]
 
 
 @pytest.mark.further
