@@ -38,7 +38,7 @@ SWEEPS = {
     "NS": ("--legs", "semi-narrow-short", "--reward", "later", "--gains", "gazebo"),
 }
 """What each of the authors' sweeps had (docs/learning.md)."""
-POLICIES = ("default", "pads")
+POLICIES = ("default", "pads", "measured")
 
 
 def told(*arguments: object) -> dict[str, Any]:
