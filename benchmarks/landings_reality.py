@@ -5,7 +5,7 @@
 The gap on the authors' flights before (`crazyflie21-upgraded-stored`) and now, what is missing in either
 file, what to expect of more flights; the policy that they flew from the conditions of their approaches, real
 and simulated; our policies as real approaches scatter; agreement with their sweeps of three leg designs. Each
-part is a command of docs/gap_landings.md or docs/learning.md; ten minutes on two cores.
+part is a command of docs/gap_landings_authors.md or docs/learning.md; ten minutes on two cores.
 """
 
 import argparse

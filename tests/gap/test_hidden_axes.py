@@ -75,7 +75,7 @@ def test_landings_of_another_program_end_as_often_as_ours_predict(landed: list[J
 def test_a_hull_that_meets_the_ceiling_changes_how_landings_end_and_a_second_axis_hardly(
     landed: list[Judged],
 ) -> None:
-    """What docs/gap_landings.md finds of the real flights, whose hull comes behind its propellers."""
+    """What docs/gap_landings_authors.md finds of the real flights, whose hull comes behind its propellers."""
     plain, axes, hull = (one.predicted for one in landed)
     assert plain is not None
     assert axes is not None

@@ -65,7 +65,7 @@ def test_hidden_pads_are_named_with_their_speed(few: list[Judged]) -> None:
 @pytest.mark.soak
 @pytest.mark.timeout(1800)
 def test_thirty_landings_name_drawn_pads() -> None:
-    """docs/gap_landings.md has the figures of more seeds."""
+    """docs/gap_landings_judged.md has the figures of more seeds."""
     claims, named, inside = 0, 0, 0
     for seed in range(21, 24):
         healthy, _, *pads = judge(drawn(seed, 4), 30, seed, 100)

@@ -30,7 +30,7 @@ from tests.truth.landings.flight import Attempt, Noise
 from tests.truth.landings.flight import fly as fly_truth
 
 COUNT = 6
-"""Landings of a campaign here; docs/gap_landings.md has the figures of twelve and twenty."""
+"""Landings of a campaign here; docs/gap_landings_judged.md has the figures of twelve and twenty."""
 
 
 @pytest.fixture(scope="module")
@@ -255,7 +255,7 @@ def _open(path: Path) -> Flight | None:
 
 
 def test_authors_flights_want_more_damping(shared_data: Path, vehicle: Vehicle) -> None:
-    """Seven of the landings are enough for it (all of them: docs/gap_landings.md)."""
+    """Seven of the landings are enough for it (all of them: docs/gap_landings_authors.md)."""
     folder = shared_data / "habas2022" / "flights"
     names = ("1.75_30.00_10-27_11-31", "2.00_40.00_10-26_17-16", "2.25_40.00_10-26_17-27",
              "2.50_40.00_10-26_16-34", "2.50_40.00_10-27_11-25", "2.75_50.00_10-26_17-37",

@@ -234,7 +234,7 @@ def test_bins_hold_equal_counts_by_rising_probability() -> None:
 
 
 def test_what_could_roll_the_authors_flips(prepared: PreparedLandings) -> None:
-    """Neither a product of inertia nor motors nor the centre of mass (docs/gap_landings.md)."""
+    """Neither a product of inertia nor motors nor the centre of mass (docs/gap_landings_authors.md)."""
     found = prepared.roll
     assert found is not None
     assert "gyro turned against the propellers" in found.left

@@ -61,7 +61,7 @@ def test_of_many_sets_no_more_than_one_in_twenty(draws: int) -> None:
 
 
 def test_probabilities_of_other_flights_are_noticed_though_the_totals_are_right() -> None:
-    """In three of four sets of 28 flights (docs/gap_landings.md); by totals alone in 1 %."""
+    """In three of four sets of 28 flights (docs/gap_landings_judged.md); by totals alone in 1 %."""
     assert called_wrong(lambda rng: TRUE[rng.permutation(len(TRUE))], 40) > 40 * 0.6
 
 

@@ -35,7 +35,7 @@ LEAST_PRELOAD = 0.1
 
 NUMERICAL: dict[str, float] = {"stiffness": 0.02, "damping": 0.05, "adhesion": 0.05, "preload": 0.1}
 """Standard deviations (of logarithms; N for the preload) of what a simulation at 1 ms finds in landings of
-a finer one (docs/gap_landings.md). What peaks of rod forces do to the adhesion is looked at by itself
+a finer one (docs/gap_landings_judged.md). What peaks of rod forces do to the adhesion is looked at by itself
 (:func:`search.finer_adhesion`)."""
 
 REPLICATES = 400
