@@ -9,12 +9,26 @@ import pytest
 
 from calibration.gap.data.found_effect import Verdict
 from calibration.gap.landings.outcomes.scores import score
-from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point
+from calibration.gap.landings.outcomes.vehicles import HINGES, Point, bare_parameters, filed_point, grid
 from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words, judge_outcomes
+from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
+from sim_backend.physics.parameters import physics_parameters
 from tests.likely import assert_likely
 from tests.truth.landings.drone import Drone
-from tests.truth.landings.judge import HEALTHY, VEHICLE, Judged, drawn, judge, lines_of, main, summary
+from tests.truth.landings.judge import (
+    HEALTHY,
+    VEHICLE,
+    Judged,
+    as_point,
+    as_vehicle,
+    drawn,
+    judge,
+    lines_of,
+    main,
+    mixed,
+    summary,
+)
 from tests.truth.landings.judge import HINGES as DAMPED
 from tests.truth.landings.outcomes import attempts, land
 
@@ -121,6 +135,14 @@ def test_a_table_of_judged_sets_goes_on_and_counts_what_was_named(tmp_path: Path
             "named": ["pads"],
             "values": {"speed": [1.0, 0.9, 1.1]},
         },
+        {
+            "seed": 3,
+            "hidden": {"hinges": True, "speed": 0.8},
+            "filed": {"hinges": True, "speed": 0.8},
+            "named": [],
+            "values": {},
+            "fewer": {"8": {"named": ["pads"], "values": {"speed": [0.8, 0.7, 0.9]}}},
+        },
     ]
     table = tmp_path / "judged.jsonl"
     assert lines_of(table) == []
@@ -130,8 +152,40 @@ def test_a_table_of_judged_sets_goes_on_and_counts_what_was_named(tmp_path: Path
     nothing, pads = counted["nothing"], counted["pads"]
     assert (nothing["sets"], nothing["named"]["anything"]["sets"]) == (2, 1)
     assert nothing["named"]["anything"]["wilson95"] == pytest.approx((0.095, 0.905), abs=1e-3)
-    assert pads["named"]["pads"]["sets"] == 1
+    assert (pads["sets"], pads["named"]["pads"]["sets"]) == (1, 1)
+    for name, named in (("mixed_healthy", 0), ("mixed_healthy, first 8", 1)):  # its file says what it is
+        assert (counted[name]["sets"], counted[name]["named"]["anything"]["sets"]) == (1, named)
     assert pads["named"]["pads, limit inside the interval"]["sets"] == 0
+
+
+def test_a_file_that_says_what_a_mixed_drone_is_hides_nothing() -> None:
+    """The physics of the file is that of the hidden drone, and of the grid's vehicle that is as filed."""
+    drones = mixed(5, 2)
+    assert drones[0] != drones[1]
+    for drone in drones:
+        vehicle = as_vehicle(drone)
+        assert filed_point(vehicle) == as_point(drone)
+        filed = physics_parameters(vehicle, RoomGeometry())
+        assert filed["capture_speed"] == drone.capture
+        assert filed["capture_spread"] == drone.capture_spread
+        assert filed["hinge_stiffness"] == pytest.approx(drone.stiffness)
+        assert filed["hinge_damping"] == pytest.approx(drone.damping)
+        assert as_point(drone) in grid(bare_parameters(vehicle), filed_point(vehicle))
+
+
+@pytest.mark.further
+def test_a_drone_that_is_as_its_file_says_is_told_nothing_and_ends_as_the_file_expects() -> None:
+    """Eight landings each, of drones with pads of their own luck, whose file has hinges and pads."""
+    drones = mixed(1, 2)
+    points = [Point(*hinge, *pad) for hinge, pad in product(HINGES[:3:2], [(0.0, 0.0), (0.9, 0.2)])]
+    points += map(as_point, drones)
+    judged = judge(drones, 8, 1, 40, points, [as_vehicle(drone) for drone in drones])
+    for one, drone in zip(judged, drones, strict=True):
+        assert one.named == ()
+        assert one.found.filed == as_point(drone)
+        assert one.predicted is not None
+        for landed, shares in zip(one.counts, one.predicted.T, strict=True):
+            assert_likely(landed, shares.tolist(), simulated=40)
 
 
 def test_a_seed_that_is_in_the_table_is_not_flown_again(

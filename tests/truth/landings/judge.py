@@ -5,7 +5,9 @@ python -m tests.truth.landings.judge --seeds 8 --pads 3 --table FILE
 The last line counts all that the table has; the next run goes on with it.
 
 Every seed has its own landings, flown healthy, with the hinges alone changed, and with pads of drawn limits
-besides; they share one table of predictions, since nothing differs before the first touch.
+besides; they share one table of predictions, since nothing differs before the first touch. With
+``--mixed-healthy`` drones whose landings end in all ways are each judged with a vehicle file that says all
+that they are: nothing is hidden, and much happens.
 """
 
 import argparse
@@ -13,7 +15,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +26,20 @@ from calibration.gap.landings.outcomes import PreparedLandings, prepare, read_la
 from calibration.gap.landings.outcomes.document import classified
 from calibration.gap.landings.outcomes.search import LAWS, OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.tables import tabulate
-from calibration.gap.landings.outcomes.vehicles import Point, bare_parameters, grid
+from calibration.gap.landings.outcomes.vehicles import (
+    EFFECT_OF,
+    UNITS,
+    WITHOUT,
+    Point,
+    bare_parameters,
+    filed_point,
+    grid,
+)
 from calibration.measurement import wilson_interval
 from onboard.arrays import FloatArray
 from onboard.outcome import Outcome
-from onboard.vehicle import load_vehicle
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, Vehicle, load_vehicle
 from tests.truth.landings.drone import Drone
 from tests.truth.landings.outcomes import write_outcomes
 
@@ -42,12 +53,14 @@ class Judged:
     """What was hidden, how the landings ended, what our model of it predicts, and what the search said.
 
     `predicted`: probabilities (n, 3) of four legs, two, none; None where the hidden drone is not on the grid.
+    `fewer`: what the search said of the first of these landings alone, by their number.
     """
 
     hidden: Drone
     counts: tuple[int, ...]
     predicted: FloatArray | None
     found: OutcomeSearch
+    fewer: Mapping[int, OutcomeSearch]
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -61,29 +74,55 @@ class Judged:
 
 
 def judge(
-    hidden: Sequence[Drone], count: int, seed: int, draws: int, points: Sequence[Point] | None = None
+    hidden: Sequence[Drone],
+    count: int,
+    seed: int,
+    draws: int,
+    points: Sequence[Point] | None = None,
+    filed: Sequence[Vehicle] | None = None,
+    fewer: Sequence[int] = (),
 ) -> list[Judged]:
-    """Fly `count` landings with each hidden drone, and search among `points` (default: all vehicles)."""
-    parameters = bare_parameters(load_vehicle(VEHICLE))
-    points = grid(parameters) if points is None else points
+    """Fly `count` landings with each hidden drone, and search among `points` (default: all vehicles).
+
+    All drones are judged with VEHICLE and have the same luck with their pads; with `filed` each is judged
+    with a vehicle of its own, and its pads are drawn apart from those of the others. The first `fewer`
+    landings are searched as if there were no more.
+    """
+    vehicles = [load_vehicle(VEHICLE)] * len(hidden) if filed is None else filed
+    parameters = bare_parameters(vehicles[0])
+    said = [filed_point(vehicle) for vehicle in vehicles]
+    tried = [grid(parameters, one) if points is None else points for one in said]
+    rows = {point: row for row, point in enumerate(dict.fromkeys(point for one in tried for point in one))}
     prepared: PreparedLandings | None = None
     table = np.empty(0)
     verdicts = []
-    for drone in hidden:
+    for index, drone in enumerate(hidden):
         with tempfile.TemporaryDirectory() as folder:
-            write_outcomes(drone, count, seed, Path(folder) / "f", Path(folder) / "answer.json")
-            flights, _ = open_flights(flight_files([Path(folder) / "f"]))
+            where, answer = Path(folder) / "f", Path(folder) / "answer.json"
+            write_outcomes(drone, count, seed, where, answer, pads=0 if filed is None else index)
+            flights, _ = open_flights(flight_files([where]))
             labels = read_labels([flight.source for flight in flights])
         outcomes: Mapping[str, Outcome] = {flight.name: labels[flight.source] for flight in flights}
         if prepared is None:
-            prepared = prepare(flights, load_vehicle(VEHICLE), np.random.default_rng(seed), draws)
-            table = tabulate(prepared, parameters, points)
-        rows, real = classified([outcomes[start.name] for start in prepared.starts])
-        found = search_outcomes(points, table[:, rows], real, draws, np.random.default_rng([seed, 1]))
-        own = as_point(drone)
-        predicted = table[points.index(own), rows] if own in points else None
+            prepared = prepare(flights, vehicles[0], np.random.default_rng(seed), draws)
+            table = tabulate(prepared, parameters, tuple(rows))
+        known, real = classified([outcomes[start.name] for start in prepared.starts])
+        own = table[[rows[point] for point in tried[index]]][:, known]
+        found = {
+            flown: search_outcomes(
+                tried[index],
+                own[:, :flown],
+                real[:flown],
+                draws,
+                np.random.default_rng([seed, 1]),
+                said[index],
+            )
+            for flown in (real.size, *fewer)
+        }
+        point = as_point(drone)
+        predicted = table[rows[point], known] if point in rows else None
         counts = tuple(np.bincount(real, minlength=3).tolist())
-        verdicts.append(Judged(drone, counts, predicted, found))
+        verdicts.append(Judged(drone, counts, predicted, found.pop(real.size), found))
     return verdicts
 
 
@@ -102,6 +141,25 @@ def as_point(drone: Drone) -> Point:
     )
 
 
+def as_vehicle(drone: Drone) -> Vehicle:
+    """VEHICLE with a file that says of legs, pads and hull what this drone is."""
+    found: dict[str, dict[str, Quantity]] = {}
+    for name, value in as_point(drone)._asdict().items():
+        if value != getattr(WITHOUT, name):
+            effect, parameter = EFFECT_OF[name]
+            found.setdefault(effect, {})[parameter] = Quantity(value, UNITS[name], 0.0, "as hidden")
+    stored = load_vehicle(VEHICLE)
+    effects = tuple(Effect(name=name, parameters=parameters) for name, parameters in found.items())
+    return replace(stored, effects=(*stored.effects, *effects))
+
+
+def mixed(seed: int, count: int) -> list[Drone]:
+    """Drones whose landings end in all ways, as the authors' do: hinges, and pads that refuse many feet."""
+    rng = np.random.default_rng([seed, 10])
+    limits = [(rng.uniform(0.5, 0.8), rng.uniform(0.2, 0.4)) for _ in range(count)]
+    return [replace(HINGES, capture=v, capture_spread=s) for v, s in limits]
+
+
 def drawn(seed: int, pads: int) -> list[Drone]:
     """Nothing hidden, hinges alone, and `pads` drones with limits of 0.4 to 1.1 m/s."""
     rng = np.random.default_rng([seed, 9])
@@ -115,19 +173,29 @@ def drawn(seed: int, pads: int) -> list[Drone]:
 
 
 def line(seed: int, one: Judged) -> dict[str, Any]:
-    values = {name: _short(found.mean, *found.ci95) for name, found in one.found.values.items()}
+    """What the table has of a set; `filed` only where the vehicle file says any of it, `expected` only of a
+    hidden drone that is a vehicle of the grid, `fewer` only where fewer landings were searched too."""
+    hidden, filed = as_point(one.hidden), one.found.filed
+    expected = {} if one.predicted is None else {"expected": _short(*one.predicted.sum(axis=0))}
     return {
         "seed": seed,
-        "hidden": {
-            "hinges": one.hidden.stiffness > HEALTHY.stiffness,
-            "speed": one.hidden.capture,
-            "spread": one.hidden.capture_spread,
-        },
+        "hidden": _said(hidden),
+        **({} if filed == WITHOUT else {"filed": _said(filed)}),
         "four_two_none": one.counts,
-        "named": one.named,
-        "values": values,
+        **expected,
+        **_told(one.found),
         "gains": {group: _short(gain.brier, *gain.ci95) for group, gain in one.found.gains.items()},
+        **({"fewer": {str(flown): _told(few) for flown, few in one.fewer.items()}} if one.fewer else {}),
     }
+
+
+def _told(found: OutcomeSearch) -> dict[str, Any]:
+    values = {name: _short(one.mean, *one.ci95) for name, one in found.values.items()}
+    return {"named": found.named, "values": values}
+
+
+def _said(point: Point) -> dict[str, Any]:
+    return {"hinges": point.stiffness > 1.0, "speed": point.speed, "spread": point.spread}
 
 
 def _short(*values: float) -> list[float]:
@@ -142,21 +210,38 @@ def lines_of(table: Path | None) -> list[dict[str, Any]]:
 
 
 def summary(lines: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Of each kind of hidden drone: sets, in how many of them what was named, with 95 % by Wilson."""
-    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    """Of each kind of hidden drone: sets, in how many of them what was named, with 95 % by Wilson.
+
+    What was said of the first landings of sets alone follows, as kinds of their own.
+    """
+    kinds: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for one in lines:
-        hidden = one["hidden"]
-        kind = "pads" if hidden["speed"] > 0.0 else "hinges" if hidden["hinges"] else "nothing"
-        kinds.setdefault(kind, []).append(one)
+        kind = _kind(one)
+        kinds.setdefault((kind, kind), []).append(one)
+    for one in lines:
+        for flown, few in one.get("fewer", {}).items():
+            kind = _kind(one)
+            kinds.setdefault((f"{kind}, first {flown}", kind), []).append({**one, **few})
     return {
-        kind: {
+        name: {
             "sets": len(sets),
             "named": {
-                name: _rate(sum(test(one) for one in sets), len(sets)) for name, test in _CLAIMS[kind].items()
+                claim: _rate(sum(test(one) for one in sets), len(sets))
+                for claim, test in _CLAIMS[kind].items()
             },
         }
-        for kind, sets in kinds.items()
+        for (name, kind), sets in kinds.items()
     }
+
+
+def _kind(one: Mapping[str, Any]) -> str:
+    """What is hidden from the vehicle file, which says nothing of it where `filed` is not in the line."""
+    hidden = one["hidden"]
+    if "filed" in one:
+        if one["filed"] != hidden:
+            raise ValueError(f"seed {one['seed']}: a file that says something else than what was flown")
+        return "mixed_healthy"
+    return "pads" if hidden["speed"] > 0.0 else "hinges" if hidden["hinges"] else "nothing"
 
 
 def _rate(count: int, sets: int) -> dict[str, Any]:
@@ -170,6 +255,7 @@ def _inside(one: Mapping[str, Any]) -> bool:
 
 _CLAIMS: dict[str, dict[str, Callable[[Mapping[str, Any]], bool]]] = {
     "nothing": {"anything": lambda one: bool(one["named"])},
+    "mixed_healthy": {"anything": lambda one: bool(one["named"])},
     "hinges": {
         "hinges": lambda one: "hinges" in one["named"],
         "anything else": lambda one: bool(set(one["named"]) - {"hinges"}),
@@ -193,6 +279,10 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=100)
     parser.add_argument("--healthy", action="store_true", help="nothing hidden, and nothing else")
     parser.add_argument(
+        "--mixed-healthy", action="store_true", help="hinges and pads, and a file that says so"
+    )
+    parser.add_argument("--fewer", type=int, nargs="*", default=[], help="search the first N of each, too")
+    parser.add_argument(
         "--table", type=Path, help="lines go to this file too; seeds in it are not judged again"
     )
     chosen = parser.parse_args()
@@ -200,8 +290,14 @@ def main() -> None:
     for seed in range(chosen.first, chosen.first + chosen.seeds):
         if seed in {one["seed"] for one in known}:
             continue
-        hidden = [HEALTHY] if chosen.healthy else drawn(seed, chosen.pads)
-        made = [line(seed, one) for one in judge(hidden, chosen.count, seed, chosen.draws)]
+        filed = None
+        if chosen.mixed_healthy:
+            hidden = mixed(seed, chosen.pads)
+            filed = [as_vehicle(drone) for drone in hidden]
+        else:
+            hidden = [HEALTHY] if chosen.healthy else drawn(seed, chosen.pads)
+        judged = judge(hidden, chosen.count, seed, chosen.draws, filed=filed, fewer=chosen.fewer)
+        made = [line(seed, one) for one in judged]
         known += made
         text = "".join(json.dumps(one) + "\n" for one in made)
         sys.stdout.write(text)

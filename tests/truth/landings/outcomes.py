@@ -52,9 +52,9 @@ def attempts(count: int, seed: int) -> list[Attempt]:
     ]
 
 
-def land(drone: Drone, attempt: Attempt, seed: int, number: int) -> Landing:
-    """One attempt with the pads of its own."""
-    deviate = np.random.default_rng([seed, 1, number]).standard_normal()
+def land(drone: Drone, attempt: Attempt, seed: int, number: int, pads: int = 0) -> Landing:
+    """One attempt with the pads of its own; other `pads` are drawn anew, for the same landing."""
+    deviate = np.random.default_rng([seed, 1, number, pads]).standard_normal()
     own = replace(drone, capture=drone.capture + drone.capture_spread * deviate)
     log = fly(own, attempt, Noise(), np.random.default_rng([seed, 0, number]))
     feet, trigger = int(log.pop("feet")), float(log.pop("trigger"))
@@ -67,12 +67,12 @@ def land(drone: Drone, attempt: Attempt, seed: int, number: int) -> Landing:
     return Landing(log, feet)
 
 
-def write_outcomes(drone: Drone, count: int, seed: int, folder: Path, answer: Path) -> None:
+def write_outcomes(drone: Drone, count: int, seed: int, folder: Path, answer: Path, pads: int = 0) -> None:
     """Fly `count` landings into `folder`, with their labels; what was hidden goes to the file `answer`."""
     folder.mkdir(parents=True, exist_ok=True)
     labels = []
     for number, attempt in enumerate(attempts(count, seed)):
-        landing = land(drone, attempt, seed, number)
+        landing = land(drone, attempt, seed, number, pads)
         name = f"landing-{number:02d}.csv"
         _write(folder / name, landing.log)
         labels.append([name, landing.outcome])
