@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
+from calibration.gap.landings.outcomes.search import LEAST_NAMING
 from calibration.gap.landings.outcomes.vehicles import HINGES, Point
 from perchhw.cli.main import run
 from perchhw.learning.real_rate import known_error
@@ -23,10 +24,10 @@ PADS = Drone(stiffness=DAMPED.stiffness, damping=DAMPED.damping, capture=0.9, ca
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the command writes of ten landings with pads that the vehicle file does not have; nobody said how
-    the last one ended."""
+    """What the command writes of thirteen landings with pads that the vehicle file does not have; nobody said
+    how the last one ended, so that they are just enough for a name."""
     folder: Path = tmp_path_factory.mktemp("pads")
-    write_outcomes(PADS, 10, 1, folder / "f", folder / "answer.json")
+    write_outcomes(PADS, LEAST_NAMING + 1, 1, folder / "f", folder / "answer.json")
     labels = folder / "f" / "labels.csv"
     labels.write_text("\n".join(labels.read_text(encoding="utf-8").splitlines()[:-1]) + "\n")
     command = ["gap", "landings", "--data", str(folder / "f"), "--vehicle", VEHICLE, "--draws", "20"]
@@ -65,9 +66,9 @@ def test_a_document_of_another_vehicle_is_refused(found: Path, capsys: pytest.Ca
 
 
 def test_the_source_of_a_number_counts_the_flights_that_are_classified(found: Path) -> None:
-    assert len(document(found)["flights"]) == 10
-    assert document(found)["score"]["flights"] == 9
-    assert "outcomes of 9 flights" in (found / "vehicle.toml").read_text(encoding="utf-8")
+    assert len(document(found)["flights"]) == LEAST_NAMING + 1
+    assert document(found)["score"]["flights"] == LEAST_NAMING
+    assert f"outcomes of {LEAST_NAMING} flights" in (found / "vehicle.toml").read_text(encoding="utf-8")
 
 
 def test_the_page_says_what_runs_into_the_end_of_what_was_tried(found: Path) -> None:

@@ -22,9 +22,12 @@ from calibration.gap.landings.outcomes import (
     lost_labels,
     prepare,
     read_labels,
+    require_searchable,
     tables,
 )
+from calibration.gap.landings.outcomes.document import TooFewFlightsError
 from calibration.gap.landings.outcomes.labels import LabelsFileError
+from calibration.gap.landings.outcomes.search import LEAST_NAMING
 from calibration.gap.landings.outcomes.vehicles import WITHOUT, bare_parameters, shapes
 from onboard.json_file import as_json
 from onboard.outcome import Outcome
@@ -254,13 +257,21 @@ def test_flights_that_nobody_classified_are_told_where_to_say_it(
     assert "labels.csv" in said
     assert run([*command, "--search"]) == 2
     told = capsys.readouterr().err
-    assert "a search needs 4: add flights" in told
+    assert "a name needs at least 12; add flights" in " ".join(told.split())
     assert "simulating" not in told, "it is refused before minutes of work"
+
+
+def test_a_search_needs_enough_flights_of_which_the_outcome_is_known() -> None:
+    """Those that nobody classified do not count."""
+    few = [Outcome.FOUR_LEG, Outcome.FAILURE] * (LEAST_NAMING // 2)
+    require_searchable([*few, None])
+    with pytest.raises(TooFewFlightsError, match=f"{LEAST_NAMING - 1} classified flights .*add flights"):
+        require_searchable([*few[1:], None, None])
 
 
 @pytest.mark.further
 def test_a_search_that_is_interrupted_leaves_the_forecast(
-    day: list[Flight], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     @contextmanager
     def ctrl_c_while_searching(what: str) -> Iterator[Callable[[float, float], None]]:
@@ -269,17 +280,14 @@ def test_a_search_that_is_interrupted_leaves_the_forecast(
         yield lambda *_: None
 
     monkeypatch.setattr("perchhw.cli.gap_landings.share_done", ctrl_c_while_searching)
-    for flight in day[:4]:
-        shutil.copy(flight.source, tmp_path)
-    rows = [f"{flight.source.name},four_leg" for flight in day[:4]]
-    (tmp_path / "labels.csv").write_text("\n".join(["file,outcome", *rows]) + "\n")
-    command = ["--json", "gap", "landings", "--data", str(tmp_path), "--vehicle", VEHICLE, "--draws", "20"]
-    shown = tmp_path / "shown"
+    flown, shown = tmp_path / "f", tmp_path / "shown"
+    write_outcomes(Drone(), LEAST_NAMING, 7, flown, tmp_path / "answer.json")
+    command = ["--json", "gap", "landings", "--data", str(flown), "--vehicle", VEHICLE, "--draws", "20"]
     assert run([*command, "--search", "--out", str(tmp_path / "out"), "--pictures", str(shown)]) == 130
-    assert {file.stem for file in shown.iterdir()} == {flight.name for flight in day[:4]}
+    assert {file.stem for file in shown.iterdir()} == {file.stem for file in flown.glob("*.csv")} - {"labels"}
     told = capsys.readouterr()
     said = json.loads(told.out)
-    assert len(said["flights"]) == 4
+    assert len(said["flights"]) == LEAST_NAMING
     assert json.loads((tmp_path / "out" / "landings.json").read_text()) == said
     assert f"drawing {tmp_path / 'out' / 'landings.html'}" in " ".join(told.err.split())
     assert "the search, which was not finished" in told.err

@@ -17,7 +17,7 @@ from calibration.gap.landings.outcomes.nested import NestedScore, nested_score
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
 from calibration.gap.landings.outcomes.prepare import CLOCK_BOUND, PreparedLandings, roll_errors
 from calibration.gap.landings.outcomes.scores import Score, score
-from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
+from calibration.gap.landings.outcomes.search import LEAST_NAMING, OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.tables import tabulate
 from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid
 from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words, judge_outcomes
@@ -247,16 +247,17 @@ def classified(real: Sequence[Outcome | None]) -> tuple[IntArray, IntArray]:
 
 
 def require_searchable(real: Sequence[Outcome | None]) -> None:
-    """Refuse flights of which too few are classified to search for what the vehicle lacks.
+    """Refuse flights of which too few are classified to name what the vehicle lacks.
 
     Raises:
-        TooFewFlightsError: fewer than LEAST_FLIGHTS.
+        TooFewFlightsError: fewer than LEAST_NAMING.
     """
     rows, _ = classified(real)
-    if rows.size < LEAST_FLIGHTS:
+    if rows.size < LEAST_NAMING:
         raise TooFewFlightsError(
-            f"{rows.size} classified flights with a trigger; a search needs {LEAST_FLIGHTS}: add flights, or "
-            "classify them in labels.csv"
+            f"{rows.size} classified flights with a trigger: a name needs at least {LEAST_NAMING}; add "
+            "flights, or classify them in labels.csv, or leave out --search: the vehicle as filed is judged "
+            f"by {LEAST_FLIGHTS}"
         )
 
 
