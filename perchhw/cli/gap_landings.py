@@ -37,7 +37,10 @@ def landings_command(
     format: FlightFormat = "auto",
     legs: Legs = None,
     search: Annotated[
-        bool, typer.Option("--search", help="Also look for what the vehicle lacks; takes minutes.")
+        bool,
+        typer.Option(
+            "--search", help="Also look for what the vehicle lacks, by 12 or more classified flights."
+        ),
     ] = False,
     draws: Annotated[int, typer.Option(min=20, help="Simulated landings a flight.")] = 200,
     out: Annotated[

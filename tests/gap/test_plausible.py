@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.flights import Flight, open_flights
 from calibration.gap.data import prepare_flights
+from calibration.gap.data.duplicates import duplicate_of
 from calibration.gap.data.smoothing import as_poses_see, force_from_poses
 from calibration.gap.replay.hover_voltage import of_one_vehicle, with_voltages
 from calibration.gap.replay.motor_order import MotorOrderError, check_motor_order
@@ -208,6 +209,21 @@ def test_a_copy_that_was_cut_and_rounded_is_found(flight: Flight) -> None:
     )
     (refused,) = prepare_flights([flight, cut]).refused
     assert "same numbers" in refused.reason
+
+
+def test_two_flights_with_the_same_shock_are_no_copies(flight: Flight) -> None:
+    """As of two landings: what the feet do to the gyro is alike, and far more than it shakes else."""
+    rng = np.random.default_rng(3)
+    shock = np.zeros(flight.t.size)
+    shock[flight.t.size // 2 :][:6] = (12.0, 25.0, -18.0, 9.0, -5.0, 2.0)
+
+    def shaken() -> Flight:
+        gyro = {name: shock + rng.normal(0.0, 0.03, shock.size) for name in ("gx", "gy", "gz")}
+        return replace(flight, data={**flight.data, **gyro})
+
+    one, other = shaken(), shaken()
+    later = replace(one, t=one.t + 1.0)
+    assert duplicate_of([one, other, later]) == (None, None, one)
 
 
 @pytest.mark.further

@@ -35,7 +35,7 @@ hold anyway, a vehicle that is a little surer of it gains 0.02 for certain."""
 
 LEAST_NAMING = 12
 """Classified flights that a search needs. Where the file is right it names something in 12 % of sets of 4
-flights, in 4 % of 8, in 2 % of 12 (docs/gap_landings.md, "How many flights a name needs")."""
+flights, in 4 % of 8, in 2 % of 12 (docs/gap_landings_judged.md, "How many flights a name needs")."""
 
 DRAWN = 20_000
 """Sets of flights behind the interval of a gain: a name must not hang on which sets were drawn."""
