@@ -268,8 +268,9 @@ def _validate(
 
     from onboard.policy.files import policy_crc32
     from perchhw.learning.grid import conditions
+    from perchhw.learning.judged_range import inside_judged_range
     from perchhw.learning.launch_file import launch_of
-    from perchhw.learning.real_rate import known_error, real_rate
+    from perchhw.learning.real_rate import AUTHORS_ERROR, known_error, real_rate
     from perchhw.learning.setup import MEASURED
     from perchhw.learning.sweep_folder import make_folder, not_finite_report, write_document
     from perchhw.learning.validate import validate_policy, write_validation
@@ -299,6 +300,7 @@ def _validate(
         "settings": flown_by.describe(),
         "measured": {"table": str(out / MEASURED_FILE), **_summary(measured)},
         "real_rate": expected,
+        "inside_judged_range": inside_judged_range(approaches) if error == AUTHORS_ERROR else None,
         "as_flown": _fly(loaded, flown_by, approaches, flights, out) if flights else None,
         "table": str(out / VALIDATION_FILE),
         "conditions": len(rows),
@@ -351,9 +353,16 @@ def _summary(rows: "tuple[Row, ...]") -> dict[str, Any]:
 
 def _draw_validation(result: dict[str, Any]) -> None:
     """The world as real flights show it first, then the one that was asked for."""
-    sensing = result["settings"]["sensing"]
-    worlds = [("as real approaches scatter", result["measured"]), (f"with {sensing} cues", result)]
-    if sensing == "measured":
+    from perchhw.learning.judged_range import judged_range_in_words
+    from perchhw.learning.results import cues_in_words
+    from perchhw.learning.setup import MEASURED
+
+    settings = result["settings"]
+    worlds = [
+        ("as real approaches scatter", result["measured"]),
+        (f"with {cues_in_words(settings)}", result),
+    ]
+    if settings["sensing"] == MEASURED:
         del worlds[1]
     if (whole := result["as_flown"]) is not None:
         fit = f"{whole['conditions']} of {result['conditions']} conditions fit the room"
@@ -373,6 +382,8 @@ def _draw_validation(result: dict[str, Any]) -> None:
         f"({low:.2f} to {high:.2f}); of {expected.next_flights} flights {least} to {most} (80 %)",
         soft_wrap=True,
     )
+    if (inside := result["inside_judged_range"]) is not None:
+        console().print(judged_range_in_words(inside), soft_wrap=True)
 
 
 def _draw_rates(title: str, bands: list[dict[str, Any]]) -> None:

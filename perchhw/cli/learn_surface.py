@@ -26,16 +26,17 @@ def surface(
 
     from onboard.policy.files import policy_crc32, save_policy
     from perchhw.learning.environment import versions
-    from perchhw.learning.landing_surface import surface_pairs
+    from perchhw.learning.landing_surface import check_attempts, surface_pairs
     from perchhw.learning.random_attempts import fly_at_random
     from perchhw.learning.setup import trained_on
-    from perchhw.learning.sweep_folder import POLICY_FILE, TRAINING_FILE, make_folder, write_document
+    from perchhw.learning.sweep_folder import POLICY_FILE, TRAINING_FILE, new_folder, write_document
     from perchhw.learning.train import train_policy
     from perchhw.trained_for import TRAINED_FOR
 
     learning = setup.learning_setup()
     speeds, angles = grid.ranges()
-    make_folder(out)
+    check_attempts(attempts)
+    new_folder(out)
     bounds = (min(speeds), max(speeds)), (min(angles), max(angles))
     with grid.executor() as executor, share_done("attempts at random") as show:
         outs = fly_at_random(learning, *bounds, attempts, executor=executor, on_batch=show)
@@ -67,13 +68,13 @@ def surface(
         "action_held_out_rms_nm": policy.provenance["held_out_rms_nm"],
         "log_loss": found.log_loss,
         "base_log_loss": found.base_log_loss,
-        "clean_rate": found.clean_rate,
-        "contact_rate": found.contact_rate,
+        "clean_rate_by_own_surface": found.clean_rate,
+        "contact_rate_by_own_surface": found.contact_rate,
     }
     write_document(out / TRAINING_FILE, result)
     emit(
         result,
-        f"{result['support_vectors']} support vectors; at its own pairs {found.clean_rate:.2f} four legs "
-        f"without contact and {found.contact_rate:.2f} with it, by the surface; learn validate flies it\n"
+        f"{result['support_vectors']} support vectors; by its own surface, too kind, {found.clean_rate:.2f} "
+        f"four legs without contact and {found.contact_rate:.2f} with it; learn validate flies it\n"
         f"policy {result['policy']}, crc32 0x{result['crc32']:08x}",
     )

@@ -12,6 +12,7 @@ from onboard.arrays import FloatArray
 from onboard.errors import InputError
 from onboard.policy.files import Policy
 from onboard.policy.trigger import trigger_values
+from perchhw.learning.bands import best_per_condition
 from perchhw.learning.ephe import MOMENT_SCALE, TAU_SCALE, sample
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.example_data import Convergence, Examples
@@ -37,7 +38,7 @@ def make_examples(
 
     Args:
         results: the folder.
-        condition: of the examples; None for one from the middle of the sweep.
+        condition: of the examples; None for one from the middle of the grid.
         repeat: which trial of it.
         run: run folder of a flown approach; None for a simulated one.
 
@@ -55,7 +56,8 @@ def make_examples(
     row = next((r for r in results.pairs if (r["speed_m_s"], r["angle_deg"], r["trial"]) == key), None)
     if flight is None and results.policy is not None:
         flight = example_flight(results.policy, setup, shown)
-    return Examples(trial=example_trial(setup, shown, repeat, row), flight=flight)
+    trial = example_trial(setup, shown, repeat, row) if results.pairs else None
+    return Examples(trial=trial, flight=flight)
 
 
 def _flown(run: Path) -> Flight:
@@ -66,8 +68,8 @@ def _flown(run: Path) -> Flight:
 
 
 def typical_condition(results: LearningResults) -> Condition:
-    """The condition of a sweep nearest to 2.5 m/s and 45 deg."""
-    rates = results.pair_rates().rates
+    """The condition of a sweep, or else of a validation, nearest to 2.5 m/s and 45 deg."""
+    rates = best_per_condition(results.pairs or results.validation or ())
     return min(rates, key=lambda c: abs(c.speed - 2.5) / 0.1 + abs(c.angle_deg - 45.0) / 3.75)
 
 

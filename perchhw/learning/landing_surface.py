@@ -17,6 +17,7 @@ import numpy as np
 
 from onboard.arrays import FloatArray
 from perchhw.learning.action_policy import one_thread
+from perchhw.learning.errors import LearningInputError
 from perchhw.learning.random_attempts import MOMENTS, TAUS
 from perchhw.learning.reward import PAPER
 from perchhw.learning.training_set import TrainingSet
@@ -66,7 +67,8 @@ class SurfacePairs:
 
     Attributes:
         pairs: to train on.
-        clean_rate, contact_rate: four legs without and with contact of the body, by the surface.
+        clean_rate, contact_rate: four legs without and with contact of the body, by the surface at its own
+            highest places: too kind, as every maximum of a fit.
         log_loss: of the surface on attempts held back. base_log_loss: of their shares alone.
     """
 
@@ -92,6 +94,16 @@ class _Choice:
 
     tau: "Callable[[torch.Tensor], torch.Tensor]"
     moment: "Callable[[torch.Tensor, torch.Tensor], torch.Tensor]"
+
+
+def check_attempts(attempts: int) -> None:
+    """Refuse fewer attempts than a surface needs, before they are flown.
+
+    Raises:
+        LearningInputError: they are too few, even if all of them trigger.
+    """
+    if attempts < ATTEMPTS_LEAST:
+        raise LearningInputError(f"--attempts {attempts}: a surface needs at least {ATTEMPTS_LEAST}")
 
 
 def surface_pairs(outs: Any, *, seed: int, settings: SurfaceSettings | None = None) -> SurfacePairs:

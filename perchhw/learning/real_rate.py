@@ -12,11 +12,12 @@ import numpy as np
 
 from calibration.gap.landings.outcomes.expectation import Expectation, ModelError, expect
 from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.learning.judged_range import JUDGED_FLIGHTS
 from perchhw.learning.launch_file import read_landings
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep_folder import Row
 
-AUTHORS_ERROR = ModelError(mean=(-0.03, 1.05), sigma=(0.43, 0.37), correlation=0.28, flights=28)
+AUTHORS_ERROR = ModelError(mean=(-0.03, 1.05), sigma=(0.43, 0.37), correlation=0.28, flights=JUDGED_FLIGHTS)
 """Of :data:`DEFAULT_VEHICLE` with its own legs on the authors' flights: `perchhw gap landings --data FLIGHTS
 --vehicle crazyflie21-upgraded --draws 400`. Three of the vehicle's numbers come from the same flights."""
 

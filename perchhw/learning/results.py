@@ -55,7 +55,8 @@ class LearningResults:
 
     Attributes:
         folder: where it is.
-        sweep: ``sweep.json``. pairs: rows of ``pairs.csv``.
+        sweep: ``sweep.json``; without pairs the settings of the validation.
+        pairs: rows of ``pairs.csv``; none where a policy came from elsewhere (``learn surface``).
         policy, training: the trained policy and ``training.json``.
         validation: rows of ``validation.csv``. validation_summary: ``validation.json``.
         measured: rows of ``validation_measured.csv``: the policy as real approaches scatter.
@@ -74,13 +75,13 @@ class LearningResults:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Settings of the sweep."""
+        """Settings of the sweep, or of the validation where there is none."""
         settings: dict[str, Any] = self.sweep["settings"]
         return settings
 
-    def pair_rates(self) -> RateMap:
-        """Best rate of the pairs at each condition."""
-        return RateMap("sensory-motor pairs", best_per_condition(self.pairs))
+    def pair_rates(self) -> RateMap | None:
+        """Best rate of the pairs at each condition; None without pairs."""
+        return RateMap("sensory-motor pairs", best_per_condition(self.pairs)) if self.pairs else None
 
     @property
     def measured_alone(self) -> bool:
@@ -92,12 +93,19 @@ class LearningResults:
         the measured one."""
         if self.measured_alone:
             return None
-        sensing = (self.validation_summary or {}).get("settings", {}).get("sensing", "")
-        return _rates_of(self.validation, f"policy, {sensing} cues" if sensing else "policy")
+        settings = (self.validation_summary or {}).get("settings", {})
+        name = f"policy, {cues_in_words(settings)}" if settings.get("sensing") else "policy"
+        return _rates_of(self.validation, name)
 
     def measured_rates(self) -> RateMap | None:
         """Likewise as real approaches scatter."""
         return _rates_of(self.measured, "policy, measured dispersion")
+
+
+def cues_in_words(settings: Mapping[str, Any]) -> str:
+    """The errors of cues and approach of a validation's settings, for headings."""
+    cues = f"{settings['sensing']} cues"
+    return f"{cues} and the launch of --launch" if settings.get("launch") else cues
 
 
 def _rates_of(rows: tuple[Row, ...] | None, name: str) -> RateMap | None:
@@ -114,27 +122,19 @@ def columns(rows: tuple[Row, ...], *names: str) -> tuple[FloatArray, ...]:
 
 
 def read_results(folder: Path) -> LearningResults:
-    """Read a folder of ``perchhw learn sweep``, with policy and validation where they are there.
+    """Read a folder of ``perchhw learn``: a sweep with policy and validation where they are there, or a
+    validation without a sweep, as of ``learn surface``.
 
     Raises:
-        LearningInputError: it holds no sweep, an empty one, or a file that cannot be read.
+        LearningInputError: it holds neither, an empty sweep, or a file that cannot be read.
         PolicyFileError: the policy cannot be read.
     """
-    if not (folder / PAIRS_FILE).is_file():
-        raise LearningInputError(f"{folder}: has no {PAIRS_FILE}: give a folder of perchhw learn sweep")
-    sweep = read_settings(folder / SWEEP_FILE)
-    if not isinstance(sweep.get("settings"), dict):
-        raise LearningInputError(f"{folder / SWEEP_FILE}: has no settings: restore it, or sweep again")
-    pairs = tuple(read_pairs(folder / PAIRS_FILE, cut_tail=True).values())
-    if not pairs:
-        raise LearningInputError(
-            f"{folder / PAIRS_FILE}: has no trial yet: finish it with perchhw learn sweep --resume"
-        )
+    summary = _read_json(folder / VALIDATION_SUMMARY)
+    sweep, pairs = _read_sweep(folder, summary)
     policy = load_policy(folder / POLICY_FILE) if (folder / POLICY_FILE).is_file() else None
     validation = None
     if (folder / VALIDATION_FILE).is_file():
         validation = _read_table(folder / VALIDATION_FILE)
-    summary = _read_json(folder / VALIDATION_SUMMARY)
     measured = _read_table(folder / MEASURED_FILE) if (folder / MEASURED_FILE).is_file() else None
     return LearningResults(
         folder=folder,
@@ -147,6 +147,29 @@ def read_results(folder: Path) -> LearningResults:
         doubts=_doubts(folder, sweep, len(pairs), policy, summary),
         measured=measured,
     )
+
+
+def _read_sweep(folder: Path, summary: dict[str, Any] | None) -> tuple[dict[str, Any], tuple[Row, ...]]:
+    """``sweep.json`` and pairs; without both the settings of the validation, and no pairs."""
+    if not (folder / PAIRS_FILE).is_file():
+        validated = summary is not None and (folder / VALIDATION_FILE).is_file()
+        if summary is None or not validated or (folder / SWEEP_FILE).exists():
+            raise LearningInputError(
+                f"{folder}: has no {PAIRS_FILE}: give a folder of perchhw learn sweep, or of another "
+                "policy once learn validate has flown it"
+            )
+        if not isinstance(summary.get("settings"), dict):
+            raise LearningInputError(f"{folder / VALIDATION_SUMMARY}: has no settings: validate again")
+        return {"settings": summary["settings"]}, ()
+    sweep = read_settings(folder / SWEEP_FILE)
+    if not isinstance(sweep.get("settings"), dict):
+        raise LearningInputError(f"{folder / SWEEP_FILE}: has no settings: restore it, or sweep again")
+    pairs = tuple(read_pairs(folder / PAIRS_FILE, cut_tail=True).values())
+    if not pairs:
+        raise LearningInputError(
+            f"{folder / PAIRS_FILE}: has no trial yet: finish it with perchhw learn sweep --resume"
+        )
+    return sweep, pairs
 
 
 def read_reference(path: Path) -> RateMap:
@@ -226,12 +249,14 @@ def _doubts(
 ) -> tuple[str, ...]:
     """Where sweep, policy and validation do not belong together."""
     doubts = []
+    if not trials:
+        doubts.append("no pairs are here: their sections, and those of learning trials, are left out")
     expected = _expected_trials(sweep["settings"])
     if expected is not None and trials < expected:
         doubts.append(f"the sweep is not finished: {trials} of {expected} trials")
     if policy is not None:
         trained_on = policy.provenance.get("pairs", {}).get("sha256")
-        if trained_on != hashlib.sha256((folder / PAIRS_FILE).read_bytes()).hexdigest():
+        if trials and trained_on != hashlib.sha256((folder / PAIRS_FILE).read_bytes()).hexdigest():
             doubts.append("the policy was trained on another table of pairs than this one")
         if summary is not None and summary.get("policy_crc32") != policy_crc32(policy):
             doubts.append("the validation flew another policy than this one")

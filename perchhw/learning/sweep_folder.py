@@ -105,6 +105,18 @@ def _refuse_another_sweep(before: dict[str, Any], now: dict[str, Any], path: Pat
                 )
 
 
+def new_folder(folder: Path) -> None:
+    """Make a folder for a policy that has no pairs, or take one without results.
+
+    Raises:
+        LearningInputError: it cannot be made or written, or holds a sweep, a policy or a validation.
+    """
+    for name in (PAIRS_FILE, SWEEP_FILE, POLICY_FILE, TRAINING_FILE, VALIDATION_FILE, VALIDATION_SUMMARY):
+        if (folder / name).exists():
+            raise LearningInputError(f"{folder} already holds results ({name}): choose another --out")
+    make_folder(folder)
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder for results, and see that it takes files.
 

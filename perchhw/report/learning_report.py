@@ -10,7 +10,8 @@ from calibration.report_style import grid, page, report_style, section, svg, tab
 from onboard.policy.files import Policy, policy_crc32
 from perchhw.learning.bands import band_table
 from perchhw.learning.example_data import Convergence, Examples
-from perchhw.learning.results import LearningResults, RateMap
+from perchhw.learning.judged_range import judged_range_in_words
+from perchhw.learning.results import LearningResults, RateMap, cues_in_words
 from perchhw.report import cue_space, learning_figures
 from perchhw.report.approach import approach_views
 from perchhw.report.picture import Picture, save_pictures
@@ -68,21 +69,8 @@ def _pictures(results: LearningResults, reference: RateMap | None, examples: Exa
     yield Picture(
         "landing_rates", "Landing rate over speed and approach angle", _maps_meaning(maps), rate_maps(maps)
     )
-    yield Picture(
-        "pairs",
-        "Sensory-motor pairs",
-        "Each dot is one learning trial: the state in which it learned to flip, coloured by how often it "
-        "then landed. Where bright and dark dots lie apart, the three cues are enough to know when to flip.",
-        cue_space.pairs_in_space(results.pairs),
-    )
-    if results.policy is not None:
-        yield from _policy_pictures(results, results.policy, examples.flight)
-    yield Picture(
-        "moment",
-        "Flip moment against time to contact",
-        _moment_meaning(results),
-        learning_figures.moment_against_tau(results.pairs, results.policy, results.validation),
-    )
+    if results.pairs:
+        yield from _pair_pictures(results, examples.flight)
     if examples.flight is not None:
         yield Picture(
             "approach",
@@ -100,6 +88,25 @@ def _pictures(results: LearningResults, reference: RateMap | None, examples: Exa
         )
 
 
+def _pair_pictures(results: LearningResults, flight: Flight | None) -> Iterator[Picture]:
+    """The pairs, and what the policy made of them."""
+    yield Picture(
+        "pairs",
+        "Sensory-motor pairs",
+        "Each dot is one learning trial: the state in which it learned to flip, coloured by how often it "
+        "then landed. Where bright and dark dots lie apart, the three cues are enough to know when to flip.",
+        cue_space.pairs_in_space(results.pairs),
+    )
+    if results.policy is not None:
+        yield from _policy_pictures(results, results.policy, flight)
+    yield Picture(
+        "moment",
+        "Flip moment against time to contact",
+        _moment_meaning(results),
+        learning_figures.moment_against_tau(results.pairs, results.policy, results.validation),
+    )
+
+
 def _maps(results: LearningResults, reference: RateMap | None) -> list[RateMap]:
     """What real flights are like first, then kinder worlds, then what the policy learned from."""
     maps = (results.measured_rates(), results.policy_rates(), results.pair_rates(), reference)
@@ -114,7 +121,7 @@ def _expected(results: LearningResults) -> str:
         return ""
     worlds = [("simulated, as real approaches scatter", measured)]
     if not results.measured_alone:
-        worlds.append((f"simulated, {summary['settings']['sensing']} cues", summary))
+        worlds.append((f"simulated, {cues_in_words(summary['settings'])}", summary))
     rows = [
         [
             name,
@@ -144,6 +151,8 @@ def _expected(results: LearningResults) -> str:
             "legs (80 %): the simulated rate as real approaches scatter, with the error that the simulation "
             "showed on flights of known outcome."
         )
+        if (inside := summary.get("inside_judged_range")) is not None:
+            words += f" {judged_range_in_words(inside)}"
     return section("What to expect", table(["", "any four legs", "two legs", "triggers"], rows), words)
 
 
@@ -261,12 +270,13 @@ def _facts(results: LearningResults) -> Iterator[tuple[str, list[list[str]]]]:
             rows.append(
                 [name.removesuffix("_deg"), f"{values[0]:g} to {values[-1]:g} {unit}, {len(values)} values"]
             )
-    rows.append(["repeats", str(settings.get("repeats"))])
+    if "repeats" in settings:
+        rows.append(["repeats", str(settings["repeats"])])
     rows += [
         [escape(name), escape(str(number))] for name, number in results.sweep.get("versions", {}).items()
     ]
     yield "Settings", rows
-    yield "Sweep", _sweep_facts(results, counts)
+    yield "Sweep", _sweep_facts(results, counts) if results.pairs else []
     yield "Policy and validation", _policy_facts(results)
 
 
@@ -306,6 +316,8 @@ def _policy_facts(results: LearningResults) -> list[list[str]]:
             ["triggers at tau", f"{policy.tau_min:.3f} to {policy.tau_max:.3f} s"],
         ]
     if training is not None:
+        if "attempts" in training:
+            rows.append(["attempts at random", f"{training['attempts']:,}"])
         rows += [
             ["pairs trained on", str(training["pairs"])],
             ["of them inside the region", f"{training['inside_share']:.0%}"],

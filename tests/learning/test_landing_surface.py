@@ -1,12 +1,14 @@
 """Pairs from attempts at random: they find a best trigger and moment that are hidden in the outcomes."""
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from onboard.arrays import FloatArray
+from perchhw.cli.main import run
 from perchhw.learning.executor import LocalThreads
 from perchhw.learning.landing_surface import EARLIEST, LATEST, SurfaceSettings, surface_pairs
 from perchhw.learning.random_attempts import MOMENTS, TAUS, fly_at_random
@@ -64,3 +66,23 @@ def test_attempts_at_random_are_the_same_for_any_number_of_workers() -> None:
     assert one["speed"].min() >= 2.0
     assert one["speed"].max() <= 3.0
     assert np.ptp(one["a_rot"]) > 0.5 * (MOMENTS[1] - MOMENTS[0])
+
+
+def test_too_few_attempts_are_refused_before_they_are_flown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "surface"
+    assert run(["learn", "surface", "--attempts", "1999", "--out", str(out)]) == 2
+    assert "--attempts 1999: a surface needs at least 2000" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["pairs.csv", "policy.policy.json", "validation.json"])
+def test_results_of_another_run_are_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    (tmp_path / name).write_text("another's")
+    assert run(["learn", "surface", "--out", str(tmp_path)]) == 2
+    assert f"already holds results ({name}): choose another --out" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "another's"

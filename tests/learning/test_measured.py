@@ -1,5 +1,6 @@
 """The measured dispersion: what the authors' flights show, and what it does to attempts."""
 
+import csv
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -15,8 +16,11 @@ from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
 from onboard.json_file import as_json
 from onboard.vehicle import load_vehicle
 from perchhw.learning.errors import LearningInputError
+from perchhw.learning.grid import Condition, conditions
+from perchhw.learning.judged_range import inside_judged_range
 from perchhw.learning.launch_file import launch_of
 from perchhw.learning.real_rate import AUTHORS_ERROR, known_error, real_rate
+from perchhw.learning.results import cues_in_words
 from perchhw.learning.setup import MEASURED, SENSING, LearningSetup, recorded_setup
 from sim_backend.physics.launch import EXACT, Launch
 
@@ -84,3 +88,22 @@ def test_conditions_without_a_trigger_expect_nothing() -> None:
     expected = real_rate(rows, AUTHORS_ERROR, 0)
     low, high = expected.ci95
     assert 0.0 < low < expected.four_leg_rate < high < 0.25
+
+
+def test_how_many_conditions_are_like_the_judged_flights() -> None:
+    grid = conditions(np.arange(1.5, 3.51, 0.25), np.arange(30.0, 91.0, 5.0))
+    assert inside_judged_range(grid) == pytest.approx(30 / 117)
+
+
+def test_the_judged_range_holds_most_of_the_judged_flights(shared_data: Path) -> None:
+    with (shared_data / "habas2022" / "flights" / "labels.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["outcome"]]
+    flown = [Condition(float(row["speed_m_s"]), float(row["angle_deg"])) for row in rows]
+    assert inside_judged_range(flown) > 0.8
+
+
+def test_a_launch_of_its_own_is_named() -> None:
+    """With it, the cues that were asked for come with a lab's own scatter of approaches."""
+    assert cues_in_words(LearningSetup().describe()) == "realistic cues"
+    own = LearningSetup(launch=tuple(EXACT))
+    assert cues_in_words(own.describe()) == "realistic cues and the launch of --launch"

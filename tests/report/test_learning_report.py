@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onboard.policy.files import load_policy, shipped_policy_path
+from onboard.policy.files import find_policy, load_policy, shipped_policy_path
 from onboard.policy.trigger import trigger_value
 from perchhw.cli.learn_report import parse_condition, write_report
 from perchhw.cli.main import run
@@ -265,3 +265,48 @@ def test_the_authors_sweep_is_a_reference(shared_data: Path) -> None:
     rates = read_reference(shared_data / "habas2022" / "sweeps" / "NL_LR_Trials.csv").rates
     assert rates[Condition(1.5, 30.0)] < 0.5 < rates[Condition(3.0, 45.0)]
     assert all(angle >= 5.0 for _, angle in rates)
+
+
+def test_a_policy_without_pairs_has_a_report_of_its_validation(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The policy that ships was learned from attempts at random: what to expect of it stands first."""
+    grid = ("--speeds", "2.5,3.25", "--angles", "40,60", "--domain", "none", "--rollouts", "4")
+    assert run(["learn", "validate", "--policy", "measured", *grid, "--out", str(tmp_path)]) == 0
+    (tmp_path / "policy.policy.json").write_bytes(find_policy("measured").read_bytes())
+    assert run(["learn", "report", str(tmp_path)]) == 0
+    assert "no pairs are here" in capsys.readouterr().out
+    page = Page(tmp_path / "report.html")
+    assert_self_contained(page, tmp_path)
+    assert page.text.index("no pairs are here") < page.text.index("What to expect")
+    summary = json.loads((tmp_path / "validation.json").read_text())
+    expected = page.text.partition("to be expected in reality")[2].split()
+    assert expected[0] == f"{summary['real_rate']['four_leg_rate']:.2f}"
+    assert "25% of these conditions" in page.text  # 2.5 m/s at 40 deg alone is like the judged flights
+    assert page.svgs == len({"landing_rates", "approach"})
+    assert "Sensory-motor pairs" not in page.text
+
+
+def test_parts_of_a_folder_without_pairs_are_held_together(tmp_path: Path) -> None:
+    grid = ("--speeds", "3", "--angles", "45", "--domain", "none", "--rollouts", "1")
+    assert run(["learn", "validate", "--policy", "measured", *grid, "--out", str(tmp_path)]) == 0
+    (tmp_path / "policy.policy.json").write_bytes(find_policy("pads").read_bytes())
+    assert any("flew another policy" in doubt for doubt in read_results(tmp_path).doubts)
+    (tmp_path / "validation.csv").unlink()
+    with pytest.raises(LearningInputError, match=r"has no pairs\.csv"):
+        read_results(tmp_path)
+
+
+@pytest.mark.further
+def test_from_attempts_at_random_to_the_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the command promises by its own surface is told as such, and its folder is nobody else's."""
+    world = ("--sensing", "measured", "--speeds", "2.5,3.5", "--angles", "30,50", "--out", str(tmp_path))
+    assert run(["learn", "surface", *world, "--attempts", "2200", "--json"]) == 0
+    assert "clean_rate_by_own_surface" in json.loads(capsys.readouterr().out)
+    assert run(["learn", "validate", *world, "--rollouts", "4"]) == 0
+    assert run(["learn", "report", str(tmp_path)]) == 0
+    page = Page(tmp_path / "report.html")
+    assert page.row("attempts at random")[1] == "2,200"
+    assert page.row("simulated, as real approaches scatter")
+    assert run(["learn", "surface", *world]) == 2
+    assert "already holds results" in capsys.readouterr().err
