@@ -3,9 +3,11 @@
     python benchmarks/landing_advice.py --data ../shared/data [--rollouts 100] [--attempts 40000]
 
 Rates of the policies over the same 117 conditions, with what to expect of real flights. Then one thing at a
-time is changed for one policy (`--policy`, flown as it is), and where the world itself changes, for one that
-is learned in it anew (`--attempts` at random, as `perchhw learn surface` does); the gain of that is over a
-policy that is learned as briefly in the unchanged world. Standard errors are paired over the conditions.
+time is changed for each of `--policies`, flown as it is: how often any four legs hold and how often cleanly,
+over all conditions and in the band where most attempts hold. Where the world itself changes, the same for a
+policy that is learned in it anew (from `--attempts` at random, as `perchhw learn surface` does; 0: none); its
+gain is over one that is learned as briefly in the unchanged world. Standard errors are paired over the
+conditions.
 """
 
 import argparse
@@ -14,7 +16,7 @@ import json
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from onboard.vehicle import known_leg_designs, load_vehicle, vehicle_to_toml
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.learning.bands import BANDS_DEG, FAST
 from perchhw.learning.grid import Condition, conditions
+from perchhw.learning.judged_range import inside_judged_range
 from perchhw.learning.landing_surface import surface_pairs
 from perchhw.learning.random_attempts import fly_at_random
 from perchhw.learning.real_rate import AUTHORS_ERROR, real_rate
@@ -37,8 +40,26 @@ SPEEDS, ANGLES_DEG = np.arange(1.5, 3.51, 0.25), np.arange(30.0, 91.0, 5.0)
 GRID = conditions(SPEEDS, ANGLES_DEG)
 MEASURED_WORLD = LearningSetup(sensing=MEASURED, domain="none", seed=7)
 SHIPPED = ("default", "pads", "measured")
+BEST_BAND = 30.0, 45.0, True
+"""deg and whether fast: the approaches of which most hold."""
+
 SHIFTS_MS = (-20, -10, 10, 20)
 MOMENT_FACTORS = (0.8, 0.9, 1.1, 1.2)
+
+
+COLUMNS = ("four_leg_rate", "landing_rate")
+"""Any four legs, and clean ones: without contact of body or propellers."""
+
+
+Change = tuple[str, str, dict[str, Any]]
+"""Kind, words, and what was found."""
+
+
+class Rates(NamedTuple):
+    """Rates of :data:`COLUMNS` at each condition."""
+
+    four: FloatArray
+    clean: FloatArray
 
 
 def with_sensing(name: str, **changes: Any) -> LearningSetup:
@@ -57,6 +78,8 @@ def worlds(folder: Path) -> Iterator[tuple[str, str, LearningSetup]]:
     yield "scatter", "ceiling known to 10 mm", with_sensing("ceiling", launch=ceiling)
     yield "scatter", "speed reached as told", with_sensing("speed", launch=measured._replace(**speed))
     yield "scatter", "velocity of the cues to 0.02 m/s", with_sensing("velocity", velocity_bias=0.02)
+    fixed = measured._replace(ceiling_spread=0.01)
+    yield "scatter", "ceiling 29 mm off, to 10 mm", with_sensing("fixed ceiling", launch=fixed)
     all_three = ceiling._replace(**speed)
     yield "scatter", "all three", with_sensing("all three", launch=all_three, velocity_bias=0.02)
     yield "timing", "cues of no age", with_sensing("no age", cue_delay_max=0.0)
@@ -100,16 +123,37 @@ def flown(policy: Policy, setup: LearningSetup, rollouts: int) -> tuple[Row, ...
     return validate_policy(policy, setup, GRID, rollouts=rollouts)
 
 
-def four(rows: tuple[Row, ...]) -> FloatArray:
-    """Share on any four legs at each condition."""
-    return np.array([float(row["four_leg_rate"] or 0.0) for row in rows])
+def rates_of(rows: tuple[Row, ...]) -> Rates:
+    """Both rates at each condition."""
+    return Rates(*(np.array([float(row[name] or 0.0) for row in rows]) for name in COLUMNS))
 
 
-def gain(rates: FloatArray, base: FloatArray) -> dict[str, float]:
-    """Mean rate, and the gain over a base with its standard error."""
-    difference = rates - base
-    error = difference.std(ddof=1) / np.sqrt(len(difference))
-    return {"rate": float(rates.mean()), "gain": float(difference.mean()), "error": float(error)}
+def compared(rates: Rates, base: Rates) -> dict[str, Any]:
+    """Mean rates, their gains over a base with standard errors, and the rates in the best band."""
+    found: dict[str, Any] = {}
+    inside = [inside_band(one, *BEST_BAND) for one in GRID]
+    for name, now, before in zip(COLUMNS, rates, base, strict=True):
+        difference = now - before
+        error = difference.std(ddof=1) / np.sqrt(len(difference))
+        found[name] = {
+            "rate": float(now.mean()),
+            "gain": float(difference.mean()),
+            "error": float(error),
+            "in_best_band": float(now[inside].mean()),
+        }
+    return found
+
+
+def in_band(base: Rates, low: float, high: float, fast: bool) -> dict[str, Any]:
+    """Mean rates of one band; their gains are over all conditions, unpaired."""
+    inside = [inside_band(one, low, high, fast) for one in GRID]
+    found: dict[str, Any] = {}
+    for name, of_all in zip(COLUMNS, base, strict=True):
+        rates = of_all[inside]
+        error = np.hypot(*(of.std(ddof=1) / len(of) ** 0.5 for of in (rates, of_all)))
+        mean = float(rates.mean())
+        found[name] = {"rate": mean, "gain": mean - float(of_all.mean()), "error": float(error)}
+    return found
 
 
 def of_policies(data: Path, rollouts: int) -> dict[str, Any]:
@@ -124,37 +168,37 @@ def of_policies(data: Path, rollouts: int) -> dict[str, Any]:
         expected = real_rate(rows, AUTHORS_ERROR, MEASURED_WORLD.seed)
         means = {
             column: float(np.mean([float(row[column] or 0.0) for row in rows]))
-            for column in ("four_leg_rate", "landing_rate", "two_leg_rate", "trigger_rate")
+            for column in (*COLUMNS, "two_leg_rate", "trigger_rate")
         }
         found[name] = {**means, "real": expected.four_leg_rate, "real_ci95": expected.ci95}
     return found
 
 
-def of_the_policy(policy: Policy, base: FloatArray, rollouts: int) -> Iterator[dict[str, Any]]:
+def of_the_policy(policy: Policy, base: Rates, rollouts: int) -> Iterator[Change]:
     """What another trigger, moment or approach would change, in the same world."""
     for shift in SHIFTS_MS:
-        rates = four(flown(earlier(policy, 1e-3 * shift), MEASURED_WORLD, rollouts))
-        yield {"kind": "timing", "what": f"trigger {shift:+d} ms of tau", **gain(rates, base)}
+        rates = rates_of(flown(earlier(policy, 1e-3 * shift), MEASURED_WORLD, rollouts))
+        yield "timing", f"trigger {shift:+d} ms of tau", compared(rates, base)
     for factor in MOMENT_FACTORS:
-        rates = four(flown(stronger(policy, factor), MEASURED_WORLD, rollouts))
-        yield {"kind": "action", "what": f"moment x {factor:g}", **gain(rates, base)}
-    ladder = RefinementSettings(steps=9).ladder()
-    tried, judged = (
-        np.array([four(flown(with_constant_moment(policy, float(m)), world, rollouts)) for m in ladder])
-        for world in (MEASURED_WORLD, dataclasses.replace(MEASURED_WORLD, seed=8))
-    )
-    best = np.take_along_axis(judged, tried.argmax(axis=0)[None], axis=0)[0]
-    yield {"kind": "action", "what": "best constant moment of each condition", **gain(best, base)}
+        rates = rates_of(flown(stronger(policy, factor), MEASURED_WORLD, rollouts))
+        yield "action", f"moment x {factor:g}", compared(rates, base)
+    yield "action", "best constant moment of each condition", compared(best_moments(policy, rollouts), base)
     for low, high in BANDS_DEG:
         for fast in (False, True):
-            inside = [inside_band(one, low, high, fast) for one in GRID]
-            rates = base[inside]
-            error = float(
-                np.hypot(rates.std(ddof=1) / len(rates) ** 0.5, base.std(ddof=1) / len(base) ** 0.5)
-            )
             what = f"{low:g}-{min(high, 90.0):g} deg, {'from' if fast else 'below'} {FAST:g} m/s"
-            mean = float(rates.mean())
-            yield {"kind": "approach", "what": what, "rate": mean, "gain": mean - base.mean(), "error": error}
+            yield "approach", what, in_band(base, low, high, fast)
+
+
+def best_moments(policy: Policy, rollouts: int) -> Rates:
+    """Rates with the constant moment at each condition that had most four legs, judged on other attempts."""
+    ladder = RefinementSettings(steps=9).ladder()
+    tried, judged = (
+        [rates_of(flown(with_constant_moment(policy, float(m)), world, rollouts)) for m in ladder]
+        for world in (MEASURED_WORLD, dataclasses.replace(MEASURED_WORLD, seed=8))
+    )
+    best = np.array([one.four for one in tried]).argmax(axis=0)[None]
+    four, clean = (np.take_along_axis(np.array(of), best, axis=0)[0] for of in zip(*judged, strict=True))
+    return Rates(four, clean)
 
 
 def inside_band(condition: Condition, low: float, high: float, fast: bool) -> bool:
@@ -162,38 +206,62 @@ def inside_band(condition: Condition, low: float, high: float, fast: bool) -> bo
     return low <= condition.angle_deg < high and (condition.speed >= FAST) == fast
 
 
-def of_worlds(policy: Policy, base: FloatArray, rollouts: int, attempts: int) -> Iterator[dict[str, Any]]:
-    """What another world would change, for the policy as it is and for one that is learned there."""
-    anew = four(flown(learned(MEASURED_WORLD, attempts), MEASURED_WORLD, rollouts))
-    yield {"kind": "policy", "what": "learned anew as briefly, nothing changed", **gain(anew, base)}
-    with tempfile.TemporaryDirectory() as name:
-        for kind, what, setup in worlds(Path(name)):
-            as_is = gain(four(flown(policy, setup, rollouts)), base)
-            relearned = gain(four(flown(learned(setup, attempts), setup, rollouts)), anew)
-            yield {"kind": kind, "what": what, **relearned, "as_it_is": as_is}
+def of_worlds(flying: dict[str, Policy], bases: dict[str, Rates], rollouts: int) -> Iterator[Change]:
+    """What another world would change: of the policies as they are, the changes by name of the policy."""
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, what, setup in worlds(Path(folder)):
+            found = {
+                name: compared(rates_of(flown(policy, setup, rollouts)), bases[name])
+                for name, policy in flying.items()
+            }
+            yield kind, what, found
+
+
+def of_learning(rollouts: int, attempts: int) -> Iterator[Change]:
+    """What another world would change for a policy that is learned there, over one that is learned here."""
+    base = rates_of(flown(learned(MEASURED_WORLD, attempts), MEASURED_WORLD, rollouts))
+    yield "policy", "nothing changed", compared(base, base)
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, what, setup in worlds(Path(folder)):
+            yield kind, what, compared(rates_of(flown(learned(setup, attempts), setup, rollouts)), base)
+
+
+def by_change(flying: dict[str, Policy], rollouts: int) -> list[dict[str, Any]]:
+    """All changes with the rates of each policy, best clean rate first."""
+    bases = {name: rates_of(flown(policy, MEASURED_WORLD, rollouts)) for name, policy in flying.items()}
+    own: dict[tuple[str, str], dict[str, Any]] = {
+        ("policy", "nothing changed"): {name: compared(base, base) for name, base in bases.items()}
+    }
+    for name, policy in flying.items():
+        for kind, what, found in of_the_policy(policy, bases[name], rollouts):
+            own.setdefault((kind, what), {})[name] = found
+    changes = [
+        *((*change, found) for change, found in own.items()),
+        *of_worlds(flying, bases, rollouts),
+    ]
+    changes.sort(key=lambda change: -max(of["landing_rate"]["rate"] for of in change[2].values()))
+    return [{"kind": kind, "what": what, "policies": found} for kind, what, found in changes]
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Fly all, and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--data", type=Path, required=True, help="the shared data, with habas2022/ in it")
-    parser.add_argument("--policy", default="measured", help="which one everything is changed for")
+    parser.add_argument(
+        "--policies", nargs="+", default=["measured", "pads"], help="that changes are flown with"
+    )
     parser.add_argument("--rollouts", type=int, default=100, help="attempts at each condition")
     parser.add_argument("--attempts", type=int, default=40_000, help="that a policy is learned from anew")
     chosen = parser.parse_args(arguments)
-    policy = load_policy(find_policy(chosen.policy))
-    base = four(flown(policy, MEASURED_WORLD, chosen.rollouts))
-    changes = [
-        *of_the_policy(policy, base, chosen.rollouts),
-        *of_worlds(policy, base, chosen.rollouts, chosen.attempts),
-    ]
+    flying = {name: load_policy(find_policy(name)) for name in chosen.policies}
+    anew = of_learning(chosen.rollouts, chosen.attempts) if chosen.attempts else ()
     document = {
         "benchmark": "landing_advice",
         "conditions": len(GRID),
+        "conditions_inside_judged_range": inside_judged_range(GRID),
         "policies": of_policies(chosen.data, chosen.rollouts),
-        "policy": chosen.policy,
-        "rate": float(base.mean()),
-        "changes": sorted(changes, key=lambda change: -change["gain"]),
+        "changes": by_change(flying, chosen.rollouts),
+        "learned_anew": [{"kind": kind, "what": what, **found} for kind, what, found in anew],
     }
     print(json.dumps(document, indent=1))
 
