@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from calibration.gap.landings.outcomes import LandingReport
     from calibration.gap.landings.outcomes.body_contact import ContactScore
     from calibration.gap.landings.outcomes.nested import NestedScore
+    from calibration.gap.landings.outcomes.scores import Count, Score
     from calibration.gap.landings.outcomes.search import OutcomeSearch
     from calibration.gap.report.landing_pictures import LandingPicture
     from onboard.outcome import Outcome
@@ -220,30 +221,8 @@ def _tell(report: "LandingReport", folder: Path | None) -> None:
         shares = [f"{flight[key]:.2f}" for key in ("p_four", "p_two", "p_none", "p_body_contact")]
         listed.add_row(flight["name"], flight["real"] or "", *shares)
     screen.print(listed)
-    found = report.score
-    if found is not None:
-        low, high = found.brier_gain_ci95
-        say(
-            screen,
-            f"Brier {found.brier:.2f}, base rate {found.brier_base_rate:.2f} (in sample "
-            f"{found.brier_base_rate_in_sample:.2f}); difference {found.brier_gain:+.2f} "
-            f"({low:+.2f} to {high:+.2f})",
-        )
-        right = found.brier_if_right
-        say(
-            screen,
-            f"Brier of probabilities that are right {right.mean:.2f} ({right.ci95[0]:.2f} to "
-            f"{right.ci95[1]:.2f}); as bad as {found.brier:.2f} or worse in {right.p_value:.2%}",
-        )
-        screen.print(f"log score {found.log_score:.2f}, base rate {found.log_score_base_rate:.2f}")
-        if found.auc_four is not None:
-            screen.print(f"AUC of four legs {found.auc_four:.2f}")
-        for word, count in found.counts.items():
-            low_count, high_count = count.interval80
-            screen.print(
-                f"{word}: {count.real} real, {count.expected:.1f} expected "
-                f"(80 %: {low_count} to {high_count}{'' if count.inside else '; outside'})"
-            )
+    if report.score is not None:
+        _tell_score(report.score)
     if report.contact_score is not None:
         _tell_contact(report.contact_score)
     if report.prepared.roll is not None:
@@ -264,22 +243,57 @@ def _tell(report: "LandingReport", folder: Path | None) -> None:
     screen.print(f"page: {folder / _PAGE}", markup=False, soft_wrap=True)
 
 
+def _tell_score(found: "Score") -> None:
+    from calibration.gap.landings.outcomes.words import between, difference, percent
+
+    screen, known = console(), found.brier_gain is not None
+    base = (
+        f", base rate {found.brier_base_rate:.2f} (in sample {found.brier_base_rate_in_sample:.2f}); "
+        f"difference {difference(found.brier_gain, found.brier_gain_ci95)}"
+    )
+    say(screen, f"Brier {found.brier:.2f}{base if known else between(found.brier_ci95)}")
+    right = found.brier_if_right
+    say(
+        screen,
+        f"Brier of probabilities that are right {right.mean:.2f}{between(right.ci95)}; as bad as "
+        f"{found.brier:.2f} or worse in {percent(right.p_value)}",
+    )
+    log_base = f", base rate {found.log_score_base_rate:.2f}" if known else ""
+    say(screen, f"log score {found.log_score:.2f}{between(found.log_score_ci95)}{log_base}")
+    if found.auc_four is not None:
+        say(screen, f"AUC of four legs {found.auc_four:.2f}{between(found.auc_four_ci95)}")
+    for word, count in found.counts.items():
+        say(screen, f"{word}: {_counted(count)}")
+
+
+def _counted(count: "Count") -> str:
+    low, high = count.interval80
+    outside = "" if count.inside else "; outside"
+    return f"{count.real} real, {count.expected:.1f} expected (80 %: {low} to {high}{outside})"
+
+
 def _tell_contact(found: "ContactScore") -> None:
-    count, (low, high) = found.count, found.brier_gain_ci95
-    least, most = count.interval80
-    auc = "" if found.auc is None else f"; AUC {found.auc:.2f}"
+    from calibration.gap.landings.outcomes.words import between, difference
+
+    known = found.brier_gain is not None
+    base = (
+        f", base rate {found.brier_base_rate:.2f}, difference "
+        f"{difference(found.brier_gain, found.brier_gain_ci95)}"
+    )
+    log_base = f", base rate {found.log_score_base_rate:.2f}"
+    auc = "" if found.auc is None else f"; AUC {found.auc:.2f}{between(found.auc_ci95)}"
     say(
         console(),
-        f"body contact of {found.flights} flights that held: {count.real} real, {count.expected:.1f} "
-        f"expected (80 %: {least} to {most}{'' if count.inside else '; outside'}); Brier {found.brier:.2f}, "
-        f"base rate {found.brier_base_rate:.2f}, difference {found.brier_gain:+.2f} "
-        f"({low:+.2f} to {high:+.2f}); log score {found.log_score:.2f}, base rate "
-        f"{found.log_score_base_rate:.2f}{auc}",
+        f"body contact of {found.flights} flights that held: {_counted(found.count)}; Brier "
+        f"{found.brier:.2f}{base if known else ''}; log score {found.log_score:.2f}"
+        f"{between(found.log_score_ci95)}{log_base if known else ''}{auc}",
     )
 
 
 def _tell_search(found: "OutcomeSearch") -> None:
     from rich.table import Table
+
+    from calibration.gap.landings.outcomes.words import between
 
     screen = console()
     columns = ("open", "Brier, left one out", "base", "from the other half", "base", "AUC of four", "values")
@@ -295,7 +309,10 @@ def _tell_search(found: "OutcomeSearch") -> None:
             for value in (left_out.brier, left_out.brier_base_rate, half.brier, half.brier_base_rate)
         )
         table.add_row(
-            fit.name, *scores, "" if left_out.auc_four is None else f"{left_out.auc_four:.2f}", values
+            fit.name,
+            *scores,
+            "" if left_out.auc_four is None else f"{left_out.auc_four:.2f}{between(left_out.auc_four_ci95)}",
+            values,
         )
     screen.print(table)
     for group, gain in found.gains.items():
@@ -314,16 +331,19 @@ def _tell_search(found: "OutcomeSearch") -> None:
 
 def _tell_nested(found: "NestedScore") -> None:
     """The score to quote: that of the best model is of a model which these flights chose."""
+    from calibration.gap.landings.outcomes.words import between, difference
+
     one, half, best = found.left_one_out, found.halves, found.halves_of_best
-    (low, high), count = one.brier_gain_ci95, sum(found.chosen_by_halves.values())
+    count = sum(found.chosen_by_halves.values())
+    auc = "" if one.auc_four is None else f"; AUC of four {one.auc_four:.2f}{between(one.auc_four_ci95)}"
     (model, times), (by_halves, times_by_halves) = (
         next(iter(chosen.items())) for chosen in (found.chosen, found.chosen_by_halves)
     )
     say(
         console(),
         f"with the model chosen anew without each flight (most often {model}, {times} of {one.flights}): "
-        f"Brier {one.brier:.3f}, base {one.brier_base_rate:.3f}; difference {one.brier_gain:+.2f} "
-        f"({low:+.2f} to {high:+.2f})",
+        f"Brier {one.brier:.3f}, base {one.brier_base_rate:.3f}; difference "
+        f"{difference(one.brier_gain, one.brier_gain_ci95)}{auc}",
     )
     say(
         console(),

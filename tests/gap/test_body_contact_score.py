@@ -8,6 +8,8 @@ import pytest
 
 from calibration.gap.landings.outcomes.body_contact import contact_score, score_contact, touched
 from calibration.gap.landings.outcomes.predict import Forecast
+from calibration.gap.landings.outcomes.scores import REPLICATES, auc_of
+from calibration.measurement import interval_of
 from onboard.outcome import ATTACHED_OUTCOMES, Outcome
 
 OUTCOMES = (
@@ -72,7 +74,19 @@ def test_few_landings_that_held_are_no_certainty() -> None:
     assert found.log_score == pytest.approx(math.log(4.0))
 
 
+def test_intervals_are_those_of_flights_drawn_again() -> None:
+    said = np.array([0.2, 0.7, 0.4, 0.4, 0.1, 0.9, 0.3, 0.6])
+    happened = np.array([False, True, True, False, False, True, False, False])
+    found = score_contact(said, happened, np.full(8, 100), rng())
+    drawn = rng().integers(0, 8, (REPLICATES, 8))
+    areas = [auc_of(said[rows], happened[rows]) for rows in drawn]
+    assert found.auc_ci95 == pytest.approx(interval_of(np.array([one for one in areas if one is not None])))
+    surprises = -np.log((100.0 * np.where(happened, said, 1.0 - said) + 1.0) / 102.0)
+    assert found.log_score_ci95 == pytest.approx(interval_of(surprises[drawn].mean(axis=1)))
+
+
 def test_flights_that_all_touched_rank_nothing() -> None:
     found = score_contact(np.full(4, 0.5), np.ones(4, dtype=np.bool_), np.full(4, 100), rng())
-    assert found.auc is None
+    assert found.auc is found.auc_ci95 is None
+    assert found.brier_gain is found.brier_gain_ci95 is None
     assert found.brier == pytest.approx(0.25)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.gap.landings.outcomes.expectation import (
+    LEAST_JUDGED,
     NEXT,
     ModelError,
     ModelErrorFileError,
@@ -46,6 +47,15 @@ def test_few_flights_leave_a_wide_interval() -> None:
     assert few.ci95[1] - few.ci95[0] > 2.0 * (many.ci95[1] - many.ci95[0])
     low, high = many.four_leg_count80
     assert 0 <= low < many.four_leg_rate * NEXT < high <= NEXT
+
+
+def test_how_often_intervals_hold_is_left_open_where_flights_are_few() -> None:
+    few = judged_expectation(*flights(LEAST_JUDGED - 1, 0.0, 3), np.random.default_rng(0))
+    assert few.coverage80 is few.coverage80_of_simulated_rates is None
+    assert "left-out" not in few.words
+    enough = judged_expectation(*flights(LEAST_JUDGED, 0.0, 3), np.random.default_rng(0))
+    assert enough.coverage80 is not None
+    assert f"in {100 * enough.coverage80:.0f} %" in enough.words
 
 
 @pytest.mark.parametrize("offset", some([-2.0, 0.0], 2))

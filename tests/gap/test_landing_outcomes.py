@@ -175,7 +175,11 @@ def test_certainty_about_the_truth_scores_nothing_and_the_base_rate_itself(
     guess = score(np.tile(frequencies, (classes.size, 1)), classes, 100, rng)
     assert guess.brier == pytest.approx(guess.brier_base_rate_in_sample)
     assert guess.brier == pytest.approx(1.0 - np.sum(frequencies**2))
-    assert guess.brier_gain <= 1e-12  # the base rate of the others knows less
+    if np.unique(classes).size == 1:
+        assert guess.brier_gain is guess.brier_gain_ci95 is None
+    else:
+        assert guess.brier_gain is not None
+        assert guess.brier_gain <= 1e-12  # the base rate of the others knows less
 
 
 def test_brier_of_the_worst_is_two() -> None:
@@ -195,7 +199,11 @@ def test_the_interval_of_an_auc_is_that_of_flights_drawn_again() -> None:
     drawn = np.random.default_rng(7).integers(0, 20, (REPLICATES, 20))
     found = [auc_of(shares[rows], real[rows] == 0) for rows in drawn]
     expected = interval_of(np.array([auc for auc in found if auc is not None]))
-    assert score(probability, real, 100, np.random.default_rng(7)).auc_four_ci95 == pytest.approx(expected)
+    scored = score(probability, real, 100, np.random.default_rng(7))
+    assert scored.auc_four_ci95 == pytest.approx(expected)
+    surprises = -np.log((100.0 * probability[np.arange(20), real] + 1.0) / 103.0)
+    means = np.array([surprises[rows].mean() for rows in drawn])
+    assert scored.log_score_ci95 == pytest.approx(interval_of(means))
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12))

@@ -8,7 +8,8 @@ import pytest
 from calibration.gap.data.found_effect import Verdict
 from calibration.gap.landings.outcomes.labels import FOUR, NONE, TWO
 from calibration.gap.landings.outcomes.scores import Score, brier, expected_brier, score, smoothed
-from calibration.gap.landings.outcomes.verdict import in_words, judge_outcomes
+from calibration.gap.landings.outcomes.verdict import ENOUGH, in_words, judge_outcomes
+from calibration.gap.landings.outcomes.words import difference, percent
 from calibration.measurement import wilson_interval
 from onboard.arrays import FloatArray, IntArray
 
@@ -32,14 +33,16 @@ def simulated(probability: FloatArray, draws: int, rng: np.random.Generator) -> 
     return np.array([rng.multinomial(draws, shares) / draws for shares in probability])
 
 
-def called_wrong(says: Says, sets: int, draws: int = DRAWS) -> int:
-    """Sets, of outcomes drawn from TRUE, with which a model that says so is called wrong."""
+def called_wrong(says: Says, sets: int, draws: int = DRAWS, flights: int = len(TRUE)) -> int:
+    """Sets, of outcomes drawn from TRUE, with which a model that says so of some flights is called wrong."""
     rng = np.random.default_rng(7)
-    return sum(
-        judge_outcomes(score(simulated(says(rng), draws, rng), outcomes_of(TRUE, rng), draws, rng), None)
-        is Verdict.UNEXPLAINED_GAP
-        for _ in range(sets)
-    )
+    wrong = 0
+    for _ in range(sets):
+        flown = rng.permutation(len(TRUE))[:flights]
+        said = simulated(says(rng)[flown], draws, rng)
+        found = score(said, outcomes_of(TRUE[flown], rng), draws, rng)
+        wrong += judge_outcomes(found, None) is Verdict.UNEXPLAINED_GAP
+    return wrong
 
 
 def sharpened(power: float) -> FloatArray:
@@ -68,6 +71,48 @@ def test_probabilities_of_other_flights_are_noticed_though_the_totals_are_right(
 def test_overconfidence_is_noticed() -> None:
     """Logarithms of ratios three times too large: in five of six sets of 28 flights."""
     assert called_wrong(lambda _: sharpened(3.0), 40) > 40 * 0.7
+
+
+def test_few_flights_show_gross_errors_only() -> None:
+    """Below ENOUGH flights overconfidence is missed more often than not, and what a lab is told says so."""
+    assert called_wrong(lambda _: sharpened(3.0), 60, flights=5) < 60 * 0.4
+    assert called_wrong(lambda _: sharpened(3.0), 60, flights=ENOUGH) > 60 * 0.4
+    real = np.array([TWO, TWO, FOUR, TWO, TWO])
+    shares = np.array([0.35, 0.5, 0.3, 0.45, 0.4])
+    few, (said,) = told(np.column_stack([shares, 0.9 - shares, np.full(5, 0.1)]), real)
+    assert few.brier_gain_ci95 is not None
+    assert few.brier > few.brier_base_rate
+    assert few.brier_gain_ci95[0] < 0.0 < few.brier_gain_ci95[1]
+    assert "fewer than 15 show gross errors only" in said
+    assert "are right do" not in said
+    assert said.endswith("no better than always guessing the base rate is shown")
+    many, (said,) = told(np.where(np.arange(3) == np.tile(real, 4)[:, None], 0.8, 0.1), np.tile(real, 4))
+    assert many.brier_gain_ci95 is not None
+    assert many.brier_gain_ci95[1] < 0.0
+    assert said.endswith("as probabilities that are right do")
+
+
+def test_flights_that_all_ended_alike_are_held_against_no_base_rate() -> None:
+    """The others' frequencies are sure of it without knowing anything."""
+    alike, (said,) = told(np.tile([0.7, 0.2, 0.1], (20, 1)), np.full(20, FOUR))
+    assert alike.brier_base_rate == 0.0
+    assert alike.brier_gain is alike.brier_gain_ci95 is alike.auc_four is None
+    assert "wrong about these landings: four 20 (expected 14.0)" in said
+    _, (said,) = told(np.tile([0.9, 0.05, 0.05], (20, 1)), np.full(20, FOUR))
+    assert said.endswith("; all ended alike, which no base rate can be compared on")
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [(0.7991, "80 %"), (0.0252, "3 %"), (0.0096, "1 %"), (0.00022, "0.02 %"), (0.0, "0 %"), (1.0, "100 %")],
+)
+def test_a_share_is_told_as_exactly_as_it_is_known(share: float, said: str) -> None:
+    assert percent(share) == said
+
+
+def test_an_end_that_is_rounded_to_zero_shows_its_side() -> None:
+    assert difference(-0.1, (-0.2, 0.002)) == "-0.10 (-0.20 to +0.00)"
+    assert difference(-0.1, (-0.2, -0.002)) == "-0.10 (-0.20 to -0.00)"
 
 
 def test_the_expected_score_is_that_of_the_mean_over_the_classes() -> None:

@@ -6,8 +6,8 @@ from calibration.gap.landings.outcomes.body_contact import ContactScore
 from calibration.gap.landings.outcomes.nested import NestedScore
 from calibration.gap.landings.outcomes.scores import Count, Score
 from calibration.gap.landings.outcomes.search import OutcomeSearch
+from calibration.gap.landings.outcomes.words import between, difference, percent
 from calibration.gap.report.landing_style import CLASS_WORDS
-from calibration.measurement import Interval
 from calibration.report_style import table
 
 
@@ -22,26 +22,34 @@ def score_tables(found: Score, contact: ContactScore | None) -> str:
 
 
 def _outcome_rows(found: Score) -> list[list[str]]:
-    auc = "none or all" if found.auc_four is None else f"{found.auc_four:.2f}{_interval(found.auc_four_ci95)}"
+    auc = "none or all" if found.auc_four is None else f"{found.auc_four:.2f}{between(found.auc_four_ci95)}"
+    known = found.brier_gain is not None
     base = f"{found.brier_base_rate:.2f}; knowing this flight too: {found.brier_base_rate_in_sample:.2f}"
+    log_score = f"{found.log_score:.2f}{between(found.log_score_ci95)}"
     right = found.brier_if_right
-    as_bad = f"{right.mean:.2f}{_interval(right.ci95)}, as bad as here in {right.p_value:.1%}"
+    as_bad = f"{right.mean:.2f}{between(right.ci95)}, as bad as here in {percent(right.p_value)}"
     return [
-        ["Brier score (0 perfect, 2 worst)", f"<b>{found.brier:.2f}</b>{_interval(found.brier_ci95)}", base],
-        ["its difference to the base rate", f"{found.brier_gain:+.2f}{_interval(found.brier_gain_ci95)}", ""],
+        [
+            "Brier score (0 perfect, 2 worst)",
+            f"<b>{found.brier:.2f}</b>{between(found.brier_ci95)}",
+            base if known else "",
+        ],
+        ["its difference to the base rate", difference(found.brier_gain, found.brier_gain_ci95), ""],
         ["what probabilities that are right would score", as_bad, ""],
-        ["log score (nats)", f"{found.log_score:.2f}", f"{found.log_score_base_rate:.2f}"],
+        ["log score (nats)", log_score, f"{found.log_score_base_rate:.2f}" if known else ""],
         ["AUC of four legs", auc, "0.50"],
     ]
 
 
 def _contact_rows(found: ContactScore) -> list[list[str]]:
-    difference = f"{found.brier_gain:+.2f}{_interval(found.brier_gain_ci95)}"
-    brier = f"{found.brier:.2f}, difference {difference}"
-    auc = "none or all" if found.auc is None else f"{found.auc:.2f}"
+    brier = f"{found.brier:.2f}, difference {difference(found.brier_gain, found.brier_gain_ci95)}"
+    log_score = f"{found.log_score:.2f}{between(found.log_score_ci95)}"
+    auc = "none or all" if found.auc is None else f"{found.auc:.2f}{between(found.auc_ci95)}"
+    bases = (found.brier_base_rate, found.log_score_base_rate)
+    base, log_base = ("" if found.brier_gain is None else f"{one:.2f}" for one in bases)
     return [
-        ["body contact: Brier score (0 perfect, 1 worst)", brier, f"{found.brier_base_rate:.2f}"],
-        ["body contact: log score (nats)", f"{found.log_score:.2f}", f"{found.log_score_base_rate:.2f}"],
+        ["body contact: Brier score (0 perfect, 1 worst)", brier, base],
+        ["body contact: log score (nats)", log_score, log_base],
         ["AUC of body contact", auc, "0.50"],
     ]
 
@@ -67,7 +75,7 @@ def search_table(found: OutcomeSearch, nested: NestedScore | None) -> str:
             f"{name} {one.mean:.3g} &plusmn; {one.sigma:.2g}{' (at bound)' if one.at_bound else ''}"
             for name, one in fit.values.items()
         )
-        auc = "" if left_out.auc_four is None else f"{left_out.auc_four:.2f}"
+        auc = "" if left_out.auc_four is None else f"{left_out.auc_four:.2f}{between(left_out.auc_four_ci95)}"
         briers = (left_out.brier, left_out.brier_base_rate, half.brier, half.brier_base_rate)
         rows.append([fit.name, *(f"{value:.2f}" for value in briers), auc, values])
     if nested is not None:
@@ -78,7 +86,7 @@ def search_table(found: OutcomeSearch, nested: NestedScore | None) -> str:
 
 def _nested_row(found: NestedScore) -> list[str]:
     one, half = found.left_one_out, found.halves
-    auc = "" if one.auc_four is None else f"{one.auc_four:.2f}"
+    auc = "" if one.auc_four is None else f"{one.auc_four:.2f}{between(one.auc_four_ci95)}"
     briers = (one.brier, one.brier_base_rate, half.brier, half.brier_base_rate)
     chosen = ", ".join(f"{escape(name)} {times} times" for name, times in found.chosen.items())
     return [
@@ -87,7 +95,3 @@ def _nested_row(found: NestedScore) -> list[str]:
         auc,
         chosen,
     ]
-
-
-def _interval(interval: Interval | None) -> str:
-    return "" if interval is None else f" ({interval[0]:.2f} to {interval[1]:.2f})"

@@ -14,9 +14,11 @@ from calibration.gap.landings.outcomes.predict import Forecast
 from calibration.gap.landings.outcomes.scores import (
     REPLICATES,
     Count,
+    auc_interval,
     auc_of,
     base_rates,
     count_of,
+    ended_alike,
     surprise,
 )
 from calibration.measurement import Interval, drawn_again, interval_of
@@ -38,7 +40,8 @@ class ContactScore:
     Attributes:
         flights: scored ones.
         brier, log_score: of the model; `_base_rate`: of the share of the other flights that touched.
-        brier_gain: brier - brier_base_rate. brier_gain_ci95: 95 %, flights drawn again.
+        brier_gain: brier - brier_base_rate; None where all or none touched.
+        brier_gain_ci95, log_score_ci95, auc_ci95: 95 %, flights drawn again.
         auc: probability that a flight that touched had a higher probability of it than one that did not; None
             where all or none touched.
         count: of the flights that touched.
@@ -47,11 +50,13 @@ class ContactScore:
     flights: int
     brier: float
     brier_base_rate: float
-    brier_gain: float
-    brier_gain_ci95: Interval
+    brier_gain: float | None
+    brier_gain_ci95: Interval | None
     log_score: float
+    log_score_ci95: Interval
     log_score_base_rate: float
     auc: float | None
+    auc_ci95: Interval | None
     count: Count
 
 
@@ -90,14 +95,19 @@ def score_contact(
     own, by_base = (probability - happened) ** 2, (base[:, 1] - happened) ** 2
     gain = own - by_base
     both = np.column_stack([1.0 - probability, probability])
+    surprises = surprise(both, classes, draws[:, None])
+    drawn = drawn_again(happened.size, REPLICATES, rng)
+    alike, auc = ended_alike(classes), auc_of(probability, happened)
     return ContactScore(
         flights=happened.size,
         brier=float(own.mean()),
         brier_base_rate=float(by_base.mean()),
-        brier_gain=float(gain.mean()),
-        brier_gain_ci95=interval_of(gain[drawn_again(happened.size, REPLICATES, rng)].mean(axis=1)),
-        log_score=float(surprise(both, classes, draws[:, None]).mean()),
+        brier_gain=None if alike else float(gain.mean()),
+        brier_gain_ci95=None if alike else interval_of(gain[drawn].mean(axis=1)),
+        log_score=float(surprises.mean()),
+        log_score_ci95=interval_of(surprises[drawn].mean(axis=1)),
         log_score_base_rate=float(surprise(base, classes, happened.size).mean()),
-        auc=auc_of(probability, happened),
+        auc=auc,
+        auc_ci95=None if auc is None else auc_interval(probability, happened, drawn),
         count=count_of(probability, happened),
     )

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import expit, logit
 
 from calibration.errors import CalibrationError
+from calibration.gap.landings.outcomes.words import percent
 from calibration.measurement import Interval, interval_of
 from onboard.arrays import BoolArray, FloatArray
 from onboard.errors import InputError
@@ -34,6 +35,8 @@ _SAMPLES = 4000
 _GROUP = 7
 """Flights that are predicted together when intervals are judged."""
 _SPLITS = 20
+LEAST_JUDGED = 16
+"""Flights: fewer are not enough to say how often such intervals hold."""
 
 
 class ModelErrorFileError(CalibrationError, InputError):
@@ -129,23 +132,28 @@ class JudgedExpectation(Expectation):
     """An expectation of flights like those that were judged, what it rests on, and how often its like held.
 
     Attributes:
-        coverage80: share of groups of left-out flights whose count lies in its interval of LEVEL.
+        coverage80: share of groups of left-out flights whose count lies in its interval of LEVEL; None of
+            fewer than LEAST_JUDGED flights.
         coverage80_of_simulated_rates: likewise of the simulated rates alone, taken as they are.
     """
 
     model_error: ModelError
-    coverage80: float
-    coverage80_of_simulated_rates: float
+    coverage80: float | None
+    coverage80_of_simulated_rates: float | None
 
     @property
     def words(self) -> str:
         """For people."""
         (low, high), (least, most) = self.ci95, self.four_leg_count80
-        return (
+        promised = (
             f"to be expected of {NEXT} more flights like these: {least} to {most} on four legs (80 %), a "
-            f"rate of {self.four_leg_rate:.2f} ({low:.2f} to {high:.2f}); such intervals held the "
-            f"counts of left-out flights in {self.coverage80:.0%}, those of the simulated rates alone in "
-            f"{self.coverage80_of_simulated_rates:.0%}"
+            f"rate of {self.four_leg_rate:.2f} ({low:.2f} to {high:.2f})"
+        )
+        if self.coverage80 is None or self.coverage80_of_simulated_rates is None:
+            return f"{promised}; fewer than {LEAST_JUDGED} flights cannot tell how often such intervals hold"
+        return (
+            f"{promised}; such intervals held the counts of left-out flights in {percent(self.coverage80)}, "
+            f"those of the simulated rates alone in {percent(self.coverage80_of_simulated_rates)}"
         )
 
 
@@ -157,7 +165,8 @@ def judged_expectation(simulated: FloatArray, real: BoolArray, rng: np.random.Ge
         rng: draws errors, counts and groups.
     """
     error = model_error(simulated, real)
-    inside, alone = coverage(simulated, real, rng)
+    judged = len(real) >= LEAST_JUDGED
+    inside, alone = coverage(simulated, real, rng) if judged else (None, None)
     return JudgedExpectation(
         **vars(expect(error, simulated, rng)),
         model_error=error,

@@ -92,7 +92,8 @@ class Score:
         brier, log_score: of the model; `_base_rate`: of the base rate of the other flights; `_in_sample`: of
             all. `_ci95`: 95 % interval.
         brier_if_right: what the probabilities expect of themselves.
-        brier_gain: brier - brier_base_rate; negative: the model knows something.
+        brier_gain: brier - brier_base_rate; negative: the model knows something. None where all flights ended
+            alike: a base rate that has seen nothing else is sure of it, and nobody could have been.
         auc_four: probability that a landing on four had a higher probability of it than one that was none;
             None where all or none landed on four.
         counts: of four, two, none (:data:`..labels.CLASS_NAMES`).
@@ -105,9 +106,10 @@ class Score:
     brier_if_right: ExpectedBrier
     brier_base_rate: float
     brier_base_rate_in_sample: float
-    brier_gain: float
-    brier_gain_ci95: Interval
+    brier_gain: float | None
+    brier_gain_ci95: Interval | None
     log_score: float
+    log_score_ci95: Interval
     log_score_base_rate: float
     auc_four: float | None
     auc_four_ci95: Interval | None
@@ -152,7 +154,9 @@ def score(probability: FloatArray, real: IntArray, draws: int, rng: np.random.Ge
     count = len(real)
     happened, base = np.eye(3)[real], base_rates(real)
     own, by_base = brier(probability, real), brier(base, real)
+    surprises, gain = surprise(probability, real, draws), own - by_base
     drawn = drawn_again(count, REPLICATES, rng)
+    alike = ended_alike(real)
     auc = auc_of(probability[:, 0], real == 0)
     return Score(
         flights=count,
@@ -161,15 +165,21 @@ def score(probability: FloatArray, real: IntArray, draws: int, rng: np.random.Ge
         brier_if_right=expected_brier(probability, real, draws, rng.spawn(1)[0]),
         brier_base_rate=float(by_base.mean()),
         brier_base_rate_in_sample=float(brier(np.tile(happened.mean(axis=0), (count, 1)), real).mean()),
-        brier_gain=float((own - by_base).mean()),
-        brier_gain_ci95=interval_of((own - by_base)[drawn].mean(axis=1)),
-        log_score=float(surprise(probability, real, draws).mean()),
+        brier_gain=None if alike else float(gain.mean()),
+        brier_gain_ci95=None if alike else interval_of(gain[drawn].mean(axis=1)),
+        log_score=float(surprises.mean()),
+        log_score_ci95=interval_of(surprises[drawn].mean(axis=1)),
         log_score_base_rate=float(surprise(base, real, count).mean()),
         auc_four=auc,
-        auc_four_ci95=None if auc is None else _auc_interval(probability[:, 0], real == 0, drawn),
+        auc_four_ci95=None if auc is None else auc_interval(probability[:, 0], real == 0, drawn),
         counts=_counts(probability, real),
         reliability=reliability(probability[:, 0], real == 0),
     )
+
+
+def ended_alike(real: IntArray) -> bool:
+    """Whether only one class happened."""
+    return bool((real == real[0]).all())
 
 
 def brier(probability: FloatArray, real: IntArray) -> FloatArray:
@@ -277,7 +287,7 @@ def _counts(probability: FloatArray, real: IntArray) -> dict[str, Count]:
     }
 
 
-def _auc_interval(value: FloatArray, positive: BoolArray, drawn: IntArray) -> Interval:
+def auc_interval(value: FloatArray, positive: BoolArray, drawn: IntArray) -> Interval:
     """Of the drawn sets that have both: a pair counts as often as both of its flights were drawn."""
     wins = _wins(value[positive], value[~positive])
     times = np.zeros((len(drawn), value.size))

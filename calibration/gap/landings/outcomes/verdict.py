@@ -8,6 +8,7 @@ from calibration.gap.data.found_effect import Verdict
 from calibration.gap.landings.outcomes.scores import Score
 from calibration.gap.landings.outcomes.search import GROUPS, LAWS, OutcomeSearch
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, stripped
+from calibration.gap.landings.outcomes.words import between, percent
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle
 
@@ -19,6 +20,9 @@ COUNT_LEVEL = 0.5 * LEVEL / 3.0
 
 FLIGHTS_LEVEL = 0.5 * LEVEL
 """and half for the score of the single flights."""
+
+ENOUGH = 15
+"""Flights: fewer show gross errors only (docs/gap_landings_judged.md)."""
 
 
 def judge_outcomes(score: Score | None, search: OutcomeSearch | None) -> Verdict:
@@ -48,20 +52,39 @@ def in_words(verdict: Verdict, score: Score, search: OutcomeSearch | None) -> tu
         open_ones = (f"what {flights} cannot tell: {left}",) if left else ()
         return (*(_lacks(search, group) for group in search.named), *open_ones)
     if verdict is Verdict.NO_GAP:
-        beside = (
-            ""
-            if all(count.inside for count in score.counts.values())
-            else (
-                f" (all within {1.0 - COUNT_LEVEL:.0%}; a right model misses one of three 80 % intervals "
-                "every other day)"
-            )
-        )
-        return (
-            f"no gap that {flights} can show: four, two and none happened about as often as expected{beside}"
-            ", and the single flights score as probabilities that are right do",
-        )
+        return (_no_gap(score),)
     why = "look for what is missing with --search" if search is None else "no known effect explains it"
     return tuple(_disagreements(score, why))
+
+
+def _no_gap(score: Score) -> str:
+    """What so many flights could have shown and did not."""
+    beside = (
+        ""
+        if all(count.inside for count in score.counts.values())
+        else (
+            f" (all within {percent(1.0 - COUNT_LEVEL)}; a right model misses one of three 80 % intervals "
+            "every other day)"
+        )
+    )
+    few = score.flights < ENOUGH
+    return (
+        f"no gap that {score.flights} flights can show"
+        f"{f', and fewer than {ENOUGH} show gross errors only' if few else ''}: four, two and none happened "
+        f"about as often as expected{beside}, and the single flights score "
+        f"{'no worse than probabilities that are right may' if few else 'as probabilities that are right do'}"
+        f"{_against_base_rate(score)}"
+    )
+
+
+def _against_base_rate(score: Score) -> str:
+    """What is not shown of the probabilities, though they may be right."""
+    if score.brier_gain_ci95 is None:
+        return "; all ended alike, which no base rate can be compared on"
+    low, high = score.brier_gain_ci95
+    if low > 0.0:
+        return "; always guessing the base rate is better"
+    return "; no better than always guessing the base rate is shown" if high >= 0.0 else ""
 
 
 def _disagreements(score: Score, why: str) -> Iterator[str]:
@@ -80,8 +103,8 @@ def _disagreements(score: Score, why: str) -> Iterator[str]:
             else "the simulation expects about as many of each as there were, but of other flights"
         )
         yield (
-            f"{which}: Brier {score.brier:.2f}, where probabilities that are right get {right.mean:.2f} "
-            f"({right.ci95[0]:.2f} to {right.ci95[1]:.2f}) and one as bad in {right.p_value:.2%}; hold "
+            f"{which}: Brier {score.brier:.2f}, where probabilities that are right get {right.mean:.2f}"
+            f"{between(right.ci95)} and one as bad in {percent(right.p_value)}; hold "
             "labels, triggers and ceilings of the flights that it was sure of against the records"
             f"{'' if wrong else f'; {why}'}"
         )
