@@ -10,6 +10,8 @@ import pytest
 from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
 from calibration.gap.landings.outcomes.search import LEAST_NAMING
 from calibration.gap.landings.outcomes.vehicles import HINGES, Point
+from calibration.gap.landings.outcomes.verdict import found_in_landings
+from onboard.vehicle import load_vehicle
 from perchhw.cli.main import run
 from perchhw.learning.real_rate import known_error
 from perchhw.learning.setup import LearningSetup
@@ -69,6 +71,18 @@ def test_the_source_of_a_number_counts_the_flights_that_are_classified(found: Pa
     assert len(document(found)["flights"]) == LEAST_NAMING + 1
     assert document(found)["score"]["flights"] == LEAST_NAMING
     assert f"outcomes of {LEAST_NAMING} flights" in (found / "vehicle.toml").read_text(encoding="utf-8")
+
+
+def test_who_judges_a_vehicle_by_the_flights_that_it_was_found_with_is_told(found: Path) -> None:
+    """Not where nothing of it is from landings."""
+    (said,) = found_in_landings(load_vehicle(str(found / "vehicle.toml")))
+    assert f"gap landings: outcomes of {LEAST_NAMING} flights, seed 0" in said
+    assert "pad_capture.speed" in said
+    assert said.endswith("are in sample")
+    (known,) = found_in_landings(load_vehicle("crazyflie21-upgraded"))
+    assert "(pad_capture.speed: outcomes of 28 of the authors' landings" in known
+    assert not any(found_in_landings(load_vehicle(VEHICLE)))
+    assert not any("in sample" in sentence for sentence in document(found)["says"])
 
 
 def test_the_page_says_what_runs_into_the_end_of_what_was_tried(found: Path) -> None:

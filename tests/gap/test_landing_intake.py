@@ -223,6 +223,7 @@ def test_a_flip_that_is_far_beside_its_trigger_is_told(day: list[Flight]) -> Non
     *_, whose, clock = report.words
     assert whose == "outcomes: 1 from labels.csv, 1 from the flights' own data"
     assert f"1 of 2 flights is 40 ms or more beside its trigger ({early.name})" in clock
+    assert "or the flip of this vehicle file is wrong" in clock
     assert [one["real_from"] for one in as_json(report)["flights"]] == ["labels.csv", "flight"]
 
 

@@ -20,7 +20,13 @@ from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import LEAST_NAMING, OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.tables import tabulate
 from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid
-from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words, judge_outcomes
+from calibration.gap.landings.outcomes.verdict import (
+    COMMAND,
+    found_in_landings,
+    improved_vehicle,
+    in_words,
+    judge_outcomes,
+)
 from onboard.arrays import IntArray
 from onboard.errors import InputError
 from onboard.outcome import Outcome
@@ -100,7 +106,7 @@ class LandingReport:
     @property
     def words(self) -> tuple[str, ...]:
         """The verdict for people and what it rests on, a sentence a line."""
-        return (*self._verdict_words, *self._doubts)
+        return (*self._verdict_words, *found_in_landings(self.vehicle), *self._doubts)
 
     @property
     def _verdict_words(self) -> tuple[str, ...]:
@@ -128,8 +134,9 @@ class LandingReport:
         if late:
             yield (
                 f"the flip of {len(late)} of {len(self.real)} flights is {1e3 * CLOCK_BOUND:.0f} ms or more "
-                f"beside its trigger ({', '.join(late)}): look at the clocks of trigger and gyro; their "
-                "ceiling and time of contact are not to be trusted"
+                f"beside its trigger ({', '.join(late)}): look at the clocks of trigger and gyro, "
+                "or the flip of this vehicle file is wrong; their ceiling and time of contact are not to be "
+                "trusted"
             )
 
     @property
@@ -286,7 +293,7 @@ def _improved(report: LandingReport, found: OutcomeSearch, known: IntArray) -> I
     """With what to expect of it: what flights say of the vehicle as filed is no error of this one."""
     if not found.named:
         return None
-    source = f"gap landings: outcomes of {known.size} flights, seed {report.seed}"
+    source = f"{COMMAND}: outcomes of {known.size} flights, seed {report.seed}"
     expected = judged_expectation(
         found.best.left_out[:, FOUR], known == FOUR, np.random.default_rng([report.seed, 5])
     )

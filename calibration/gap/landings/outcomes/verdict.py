@@ -21,6 +21,9 @@ COUNT_LEVEL = 0.5 * LEVEL / 3.0
 FLIGHTS_LEVEL = 0.5 * LEVEL
 """and half for the score of the single flights."""
 
+COMMAND = "gap landings"
+"""The source of a number that was found in landings names it."""
+
 ENOUGH = 15
 """Flights: fewer show gross errors only (docs/gap_landings_judged.md)."""
 
@@ -123,6 +126,21 @@ def _lacks(search: OutcomeSearch, group: str) -> str:
         said.append(f"{effect}.{parameter} {found.mean:.3g} +- {found.sigma:.2g}{unit} ({filed})")
     told = f"{', '.join(said)}; Brier {search.gains[group].brier:+.2f}"
     return f"the vehicle file is wrong about its {group}: {told}"
+
+
+def found_in_landings(vehicle: Vehicle) -> Iterator[str]:
+    """What a lab is told where the file says that effects of the vehicle come from this command."""
+    sources: dict[str, list[str]] = {}
+    for effect in vehicle.effects:
+        for name, one in effect.parameters.items():
+            if COMMAND in one.source:
+                sources.setdefault(one.source, []).append(f"{effect.name}.{name}")
+    if sources:
+        named = "; ".join(f"{', '.join(names)}: {source}" for source, names in sources.items())
+        yield (
+            f"numbers of this vehicle were found in landings ({named}): if these are the same flights, "
+            "scores, verdict and intervals are in sample"
+        )
 
 
 def improved_vehicle(vehicle: Vehicle, search: OutcomeSearch, source: str) -> Vehicle:
