@@ -13,11 +13,23 @@ _NARROWEST = 20
 """Characters: a terminal that leaves fewer breaks text itself, since single words in a column read worse."""
 
 
+_WHOLE = 10_000
+"""Characters: wider than any table."""
+
+
 def console() -> "Console":
     """On stdout, for results."""
     from rich.console import Console
 
     return Console(file=sys.stdout, highlight=False)
+
+
+def table_console() -> "Console":
+    """On stdout, for tables: cells are cut or folded for a terminal only, so that a search finds all."""
+    from rich.console import Console
+
+    screen = console()
+    return screen if screen.is_terminal else Console(file=sys.stdout, highlight=False, width=_WHOLE)
 
 
 def progress_console() -> "Console":

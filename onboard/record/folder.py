@@ -12,8 +12,8 @@ from onboard.errors import InputError, OnboardError
 class OutputFolderError(OnboardError, InputError):
     """A folder for results cannot be written; the message names it and the reason."""
 
-    def __init__(self, folder: Path, reason: str | None) -> None:
-        super().__init__(f"{folder}: cannot be written ({reason}); give a folder that can, with --out")
+    def __init__(self, folder: Path, reason: str | None, option: str = "--out") -> None:
+        super().__init__(f"{folder}: cannot be written ({reason}); give a folder that can, with {option}")
         self.folder, self.reason = folder, reason
 
 
@@ -64,17 +64,17 @@ def make_folder(folder: Path) -> None:
         raise OutputFolderError(folder, "no permission to write into it")
 
 
-def require_writable(folder: Path) -> None:
-    """See that `folder` is there and can be written, or could be made; nothing is made.
+def require_writable(folder: Path, option: str = "--out") -> None:
+    """See that `folder` is there and can be written, or could be made; nothing is made. `option` named it.
 
     Raises:
         OutputFolderError: it can not.
     """
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not there.is_dir():
-        raise OutputFolderError(folder, f"{there} is no folder")
+        raise OutputFolderError(folder, f"{there} is no folder", option)
     if not os.access(there, os.W_OK | os.X_OK):
-        raise OutputFolderError(folder, f"no permission to write into {there}")
+        raise OutputFolderError(folder, f"no permission to write into {there}", option)
 
 
 def discard_if_empty(folder: Path) -> None:

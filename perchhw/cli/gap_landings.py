@@ -1,7 +1,10 @@
 """``perchhw gap landings``: how landings end, predicted from each flight's trigger, beside how they did."""
 
+import itertools
 import re
+import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +12,7 @@ import typer
 
 from onboard.json_file import as_json
 from perchhw.cli.options import FlightFormat, Legs
-from perchhw.cli.output import emit
+from perchhw.cli.output import emit, settings, written
 from perchhw.consoles import console, progress_console, say
 from perchhw.screen.long_work import share_done
 
@@ -17,10 +20,6 @@ if TYPE_CHECKING:
     from calibration.flights import Flight
     from calibration.gap.data.record import NotUsed
     from calibration.gap.landings.outcomes import LandingReport
-    from calibration.gap.landings.outcomes.body_contact import ContactScore
-    from calibration.gap.landings.outcomes.nested import NestedScore
-    from calibration.gap.landings.outcomes.scores import Count, Score
-    from calibration.gap.landings.outcomes.search import OutcomeSearch
     from calibration.gap.report.landing_pictures import LandingPicture
     from onboard.outcome import Outcome
     from onboard.vehicle import Vehicle
@@ -79,9 +78,9 @@ def landings_command(
     model = load_vehicle(vehicle, legs=legs)
     if model.legs is None:
         raise InputError(f"vehicle {vehicle!r} has no legs to land on: choose a design with --legs")
-    for folder in (out, pictures):
+    for folder, option in ((out, "--out"), (pictures, "--pictures")):
         if folder is not None:
-            require_writable(folder)
+            require_writable(folder, option)
     files = [file for file in flight_files([*data, *(more or [])]) if file.name != LABELS_FILE]
     flights, unreadable = open_flights(files, format)
     sources = [flight.source for flight in flights]
@@ -122,10 +121,12 @@ def _give(report: "LandingReport", out: Path | None, pictures: Path | None) -> N
     say(progress_console(), f"drawing {pictures if out is None else out / _PAGE}")
     drawn = _draw(report)
     if pictures is not None:
-        for one in drawn:
-            _save(pictures, f"{_IN_NO_FILE_NAME.sub('_', one.name)}.png", one.drawn)
+        for file, one in zip(_file_names([one.name for one in drawn]), drawn, strict=True):
+            _save(pictures, file, one.drawn, "--pictures")
     if out is not None:
         _save(out, _PAGE, _page(report, drawn))
+        if not settings.as_json:
+            written(sys.stdout, partial(_tell_file, "page", out / _PAGE))
 
 
 _REASONS = 3  # that an error tells
@@ -166,6 +167,38 @@ _DOCUMENT, _PAGE = "landings.json", "landings.html"
 _IN_NO_FILE_NAME = re.compile(r"[^\w.+-]")
 
 
+def _file_names(names: Sequence[str]) -> list[str]:
+    """A file for each flight: those of one name, from two folders, have a number behind it."""
+    given: set[str] = set()
+    files = []
+    for name in names:
+        stem = _IN_NO_FILE_NAME.sub("_", name)
+        tries = itertools.chain([stem], (f"{stem}-{number}" for number in itertools.count(2)))
+        free = next(one for one in tries if one.casefold() not in given)  # some disks know no capitals
+        given.add(free.casefold())
+        files.append(f"{free}.png")
+    return files
+
+
+def _take_away_older(report: "LandingReport", folder: Path) -> None:
+    """What an earlier run wrote here and this one may not write anew; a vehicle file that is judged stays."""
+    import json
+
+    from calibration.gap.report.improved_vehicle import VEHICLE_FILE
+    from onboard.vehicle import vehicle_to_toml
+    from onboard.vehicle.fingerprint import fingerprint
+
+    (folder / _PAGE).unlink(missing_ok=True)
+    try:
+        older = json.loads((folder / _DOCUMENT).read_text(encoding="utf-8"))
+        found = fingerprint((folder / VEHICLE_FILE).read_text(encoding="utf-8"))
+        ours = found == older["improved"]["vehicle_sha256"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return  # none that such a document tells of
+    if ours and found != fingerprint(vehicle_to_toml(report.vehicle)):
+        (folder / VEHICLE_FILE).unlink()
+
+
 def _write(report: "LandingReport", folder: Path) -> None:
     import json
 
@@ -174,11 +207,29 @@ def _write(report: "LandingReport", folder: Path) -> None:
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        _take_away_older(report, folder)
         (folder / _DOCUMENT).write_text(json.dumps(as_json(report), indent=1) + "\n", encoding="utf-8")
         if report.improved is not None:
             write_vehicle(report.improved.vehicle, folder)
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error
+
+
+def _tell(report: "LandingReport", folder: Path | None) -> None:
+    from calibration.gap.report.improved_vehicle import VEHICLE_FILE
+    from perchhw.cli.gap_landings_told import tell_landings
+
+    tell_landings(report)
+    if folder is None:
+        return
+    if report.improved is not None:
+        _tell_file("vehicle with it", folder / VEHICLE_FILE)
+    _tell_file("document", folder / _DOCUMENT)
+
+
+def _tell_file(what: str, file: Path) -> None:
+    """On a line of its own, which nothing breaks."""
+    console().print(f"{what}: {file}", markup=False, soft_wrap=True)
 
 
 def _draw(report: "LandingReport") -> "list[LandingPicture]":
@@ -200,154 +251,11 @@ def _page(report: "LandingReport", pictures: "list[LandingPicture]") -> bytes:
     return landings_page(report, pictures).encode("utf-8")
 
 
-def _save(folder: Path, name: str, content: bytes) -> None:
+def _save(folder: Path, name: str, content: bytes, option: str = "--out") -> None:
     from onboard.record.folder import OutputFolderError
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     except OSError as error:
-        raise OutputFolderError(folder, error.strerror) from error
-
-
-def _tell(report: "LandingReport", folder: Path | None) -> None:
-    from rich.table import Table
-
-    from calibration.gap.report.improved_vehicle import VEHICLE_FILE
-
-    screen = console()
-    listed = Table("flight", "real", "four", "two", "none", "body contact", box=None, pad_edge=False)
-    for flight in as_json(report)["flights"]:
-        shares = [f"{flight[key]:.2f}" for key in ("p_four", "p_two", "p_none", "p_body_contact")]
-        listed.add_row(flight["name"], flight["real"] or "", *shares)
-    screen.print(listed)
-    if report.score is not None:
-        _tell_score(report.score)
-    if report.contact_score is not None:
-        _tell_contact(report.contact_score)
-    if report.prepared.roll is not None:
-        screen.print(f"roll in the flips, not refuted: {', '.join(report.prepared.roll.left) or 'nothing'}")
-    if report.search is not None:
-        _tell_search(report.search)
-    if report.nested is not None:
-        _tell_nested(report.nested)
-    for item in report.unused:
-        say(progress_console(), f"not judged: {item.name}: {item.reason}")
-    for sentence in (*report.words, *report.prospects):
-        say(screen, sentence)
-    if folder is None:
-        return
-    if report.improved is not None:
-        screen.print(f"vehicle with it: {folder / VEHICLE_FILE}", markup=False, soft_wrap=True)
-    screen.print(f"document: {folder / _DOCUMENT}", markup=False, soft_wrap=True)
-    screen.print(f"page: {folder / _PAGE}", markup=False, soft_wrap=True)
-
-
-def _tell_score(found: "Score") -> None:
-    from calibration.gap.landings.outcomes.words import between, difference, percent
-
-    screen, known = console(), found.brier_gain is not None
-    base = (
-        f", base rate {found.brier_base_rate:.2f} (in sample {found.brier_base_rate_in_sample:.2f}); "
-        f"difference {difference(found.brier_gain, found.brier_gain_ci95)}"
-    )
-    say(screen, f"Brier {found.brier:.2f}{base if known else between(found.brier_ci95)}")
-    right = found.brier_if_right
-    say(
-        screen,
-        f"Brier of probabilities that are right {right.mean:.2f}{between(right.ci95)}; as bad as "
-        f"{found.brier:.2f} or worse in {percent(right.p_value)}",
-    )
-    log_base = f", base rate {found.log_score_base_rate:.2f}" if known else ""
-    say(screen, f"log score {found.log_score:.2f}{between(found.log_score_ci95)}{log_base}")
-    if found.auc_four is not None:
-        say(screen, f"AUC of four legs {found.auc_four:.2f}{between(found.auc_four_ci95)}")
-    for word, count in found.counts.items():
-        say(screen, f"{word}: {_counted(count)}")
-
-
-def _counted(count: "Count") -> str:
-    low, high = count.interval80
-    outside = "" if count.inside else "; outside"
-    return f"{count.real} real, {count.expected:.1f} expected (80 %: {low} to {high}{outside})"
-
-
-def _tell_contact(found: "ContactScore") -> None:
-    from calibration.gap.landings.outcomes.words import between, difference
-
-    known = found.brier_gain is not None
-    base = (
-        f", base rate {found.brier_base_rate:.2f}, difference "
-        f"{difference(found.brier_gain, found.brier_gain_ci95)}"
-    )
-    log_base = f", base rate {found.log_score_base_rate:.2f}"
-    auc = "" if found.auc is None else f"; AUC {found.auc:.2f}{between(found.auc_ci95)}"
-    say(
-        console(),
-        f"body contact of {found.flights} flights that held: {_counted(found.count)}; Brier "
-        f"{found.brier:.2f}{base if known else ''}; log score {found.log_score:.2f}"
-        f"{between(found.log_score_ci95)}{log_base if known else ''}{auc}",
-    )
-
-
-def _tell_search(found: "OutcomeSearch") -> None:
-    from rich.table import Table
-
-    from calibration.gap.landings.outcomes.words import between
-
-    screen = console()
-    columns = ("open", "Brier, left one out", "base", "from the other half", "base", "AUC of four", "values")
-    table = Table(*columns, box=None, pad_edge=False)
-    for fit in found.fits:
-        left_out, half = fit.left_one_out, fit.halves
-        values = ", ".join(
-            f"{name} {one.mean:.3g} +- {one.sigma:.2g}{' (at bound)' if one.at_bound else ''}"
-            for name, one in fit.values.items()
-        )
-        scores = (
-            f"{value:.3f}"
-            for value in (left_out.brier, left_out.brier_base_rate, half.brier, half.brier_base_rate)
-        )
-        table.add_row(
-            fit.name,
-            *scores,
-            "" if left_out.auc_four is None else f"{left_out.auc_four:.2f}{between(left_out.auc_four_ci95)}",
-            values,
-        )
-    screen.print(table)
-    for group, gain in found.gains.items():
-        verdict = (
-            "wrong"
-            if group in found.named
-            else "cannot be told"
-            if group in found.left_open
-            else "another law does better"
-        )
-        say(
-            screen,
-            f"{group}: {verdict} (Brier {gain.brier:+.3f}, {gain.ci95[0]:+.3f} to {gain.ci95[1]:+.3f})",
-        )
-
-
-def _tell_nested(found: "NestedScore") -> None:
-    """The score to quote: that of the best model is of a model which these flights chose."""
-    from calibration.gap.landings.outcomes.words import between, difference
-
-    one, half, best = found.left_one_out, found.halves, found.halves_of_best
-    count = sum(found.chosen_by_halves.values())
-    auc = "" if one.auc_four is None else f"; AUC of four {one.auc_four:.2f}{between(one.auc_four_ci95)}"
-    (model, times), (by_halves, times_by_halves) = (
-        next(iter(chosen.items())) for chosen in (found.chosen, found.chosen_by_halves)
-    )
-    say(
-        console(),
-        f"with the model chosen anew without each flight (most often {model}, {times} of {one.flights}): "
-        f"Brier {one.brier:.3f}, base {one.brier_base_rate:.3f}; difference "
-        f"{difference(one.brier_gain, one.brier_gain_ci95)}{auc}",
-    )
-    say(
-        console(),
-        f"with the model chosen by the other half (most often {by_halves}, {times_by_halves} of {count}): "
-        f"Brier {half.brier:.3f}, base {half.brier_base_rate:.3f}; the best model of all flights on the same "
-        f"halves {best.brier:.3f}",
-    )
+        raise OutputFolderError(folder, error.strerror, option) from error
