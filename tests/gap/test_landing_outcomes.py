@@ -139,6 +139,8 @@ def test_the_page_opens_with_the_picture(labels: dict[Path, Outcome]) -> None:
     report = landing_report(few, forecast(few, p), real, [True] * len(real), vehicle, seed=0)
     assert report.prepared.roll is not None
     text = landings_page(report, [])
+    assert "yaw rate gained in the flip, rad/s" in text
+    assert not any(name in text for name in report.prepared.roll.measured)
     assert text.index("<svg") < text.index("<table")
     assert "src=" not in text
     assert "outside" in text

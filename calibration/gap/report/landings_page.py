@@ -99,6 +99,20 @@ _LANDINGS_NOTE = (
 )
 
 
+_RATE = ", rad/s"
+_ROLL_MEASURED = {
+    "roll_per_pitch": "roll per pitch in the flip",
+    "yaw_rad_s": f"yaw rate gained in the flip{_RATE}",
+    "approach_roll_per_pitch": "roll per pitch in the approach",
+    "hover_roll": "left less right in hover",
+    "hover_twist": "M2, M4 less M1, M3 in hover",
+}
+_ROLL_CAUSES = {
+    "inertia_products": "products of inertia",
+    "com_offset": "centre of mass to one side",
+    "motor_imbalance": "motors unequal",
+}
+"""Those with a name of their own in vehicle files."""
 _ROLL_NOTE = (
     "What each cause of the measured roll would do, beside what was measured (and its standard error); "
     f"more than {REFUTED:g} standard errors apart refutes it."
@@ -195,6 +209,15 @@ def _roll(found: RollEvidence) -> str:
         would = [
             f"{cause.predicted[name]:+.3f}" if name in cause.predicted else "" for name in found.measured
         ]
-        verdict = "refuted by " + ", ".join(cause.refuted_by) if cause.refuted_by else "not refuted"
-        rows.append([escape(cause.name), f"{cause.value:.3g} {escape(cause.unit)}", *would, escape(verdict)])
-    return table(["cause", "size that it needs", *found.measured, ""], rows)
+        against = ", ".join(_ROLL_MEASURED[name].removesuffix(_RATE) for name in cause.refuted_by)
+        size = f"{cause.value:.3g}{'' if cause.unit == '1' else f' {cause.unit}'}".replace("m2", "m²")
+        rows.append(
+            [
+                escape(_ROLL_CAUSES.get(cause.name, cause.name)),
+                escape(size),
+                *would,
+                escape(f"refuted by {against}" if against else "not refuted"),
+            ]
+        )
+    columns = (_ROLL_MEASURED[name] for name in found.measured)
+    return table(["cause", "size that it needs", *columns, ""], rows)
