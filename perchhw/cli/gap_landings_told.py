@@ -30,7 +30,7 @@ def tell_landings(report: "LandingReport") -> None:
     if report.contact_score is not None:
         _tell_contact(report.contact_score)
     if report.prepared.roll is not None:
-        screen.print(f"roll in the flips, not refuted: {', '.join(report.prepared.roll.left) or 'nothing'}")
+        say(screen, f"roll in the flips, not refuted: {', '.join(report.prepared.roll.left) or 'nothing'}")
     if report.search is not None:
         _tell_search(report.search)
     if report.nested is not None:

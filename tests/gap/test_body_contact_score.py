@@ -85,6 +85,13 @@ def test_intervals_are_those_of_flights_drawn_again() -> None:
     assert found.log_score_ci95 == pytest.approx(interval_of(surprises[drawn].mean(axis=1)))
 
 
+def test_pairs_that_are_all_ranked_alike_claim_no_certainty() -> None:
+    """Drawn again, such flights are ranked the same each time."""
+    found = score_contact(np.array([0.1, 0.5, 0.6]), np.array([True, False, False]), np.full(3, 100), rng())
+    assert found.auc == 0.0
+    assert found.auc_ci95 is None
+
+
 def test_flights_that_all_touched_rank_nothing() -> None:
     found = score_contact(np.full(4, 0.5), np.ones(4, dtype=np.bool_), np.full(4, 100), rng())
     assert found.auc is found.auc_ci95 is None

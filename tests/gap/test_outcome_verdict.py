@@ -84,6 +84,7 @@ def test_few_flights_show_gross_errors_only() -> None:
     assert few.brier > few.brier_base_rate
     assert few.brier_gain_ci95[0] < 0.0 < few.brier_gain_ci95[1]
     assert "fewer than 15 show gross errors only" in said
+    assert "as often as chance allows" in said
     assert "are right do" not in said
     assert said.endswith("no better than always guessing the base rate is shown")
     many, (said,) = told(np.where(np.arange(3) == np.tile(real, 4)[:, None], 0.8, 0.1), np.tile(real, 4))

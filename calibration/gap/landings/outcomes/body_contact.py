@@ -97,7 +97,7 @@ def score_contact(
     both = np.column_stack([1.0 - probability, probability])
     surprises = surprise(both, classes, draws[:, None])
     drawn = drawn_again(happened.size, REPLICATES, rng)
-    alike, auc = ended_alike(classes), auc_of(probability, happened)
+    alike = ended_alike(classes)
     return ContactScore(
         flights=happened.size,
         brier=float(own.mean()),
@@ -107,7 +107,7 @@ def score_contact(
         log_score=float(surprises.mean()),
         log_score_ci95=interval_of(surprises[drawn].mean(axis=1)),
         log_score_base_rate=float(surprise(base, classes, happened.size).mean()),
-        auc=auc,
-        auc_ci95=None if auc is None else auc_interval(probability, happened, drawn),
+        auc=auc_of(probability, happened),
+        auc_ci95=auc_interval(probability, happened, drawn),
         count=count_of(probability, happened),
     )

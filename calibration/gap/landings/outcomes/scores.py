@@ -95,7 +95,7 @@ class Score:
         brier_gain: brier - brier_base_rate; negative: the model knows something. None where all flights ended
             alike: a base rate that has seen nothing else is sure of it, and nobody could have been.
         auc_four: probability that a landing on four had a higher probability of it than one that was none;
-            None where all or none landed on four.
+            None where all or none landed on four. auc_four_ci95: None also where all such pairs are alike.
         counts: of four, two, none (:data:`..labels.CLASS_NAMES`).
         reliability: of the probability of four legs.
     """
@@ -171,7 +171,7 @@ def score(probability: FloatArray, real: IntArray, draws: int, rng: np.random.Ge
         log_score_ci95=interval_of(surprises[drawn].mean(axis=1)),
         log_score_base_rate=float(surprise(base, real, count).mean()),
         auc_four=auc,
-        auc_four_ci95=None if auc is None else auc_interval(probability[:, 0], real == 0, drawn),
+        auc_four_ci95=auc_interval(probability[:, 0], real == 0, drawn),
         counts=_counts(probability, real),
         reliability=reliability(probability[:, 0], real == 0),
     )
@@ -287,9 +287,15 @@ def _counts(probability: FloatArray, real: IntArray) -> dict[str, Count]:
     }
 
 
-def auc_interval(value: FloatArray, positive: BoolArray, drawn: IntArray) -> Interval:
-    """Of the drawn sets that have both: a pair counts as often as both of its flights were drawn."""
+def auc_interval(value: FloatArray, positive: BoolArray, drawn: IntArray) -> Interval | None:
+    """Of the drawn sets that have both: a pair counts as often as both of its flights were drawn.
+
+    None where all pairs are alike, as where there are none: no set that is drawn from such flights could show
+    what others would.
+    """
     wins = _wins(value[positive], value[~positive])
+    if not wins.size or (wins == wins.flat[0]).all():
+        return None
     times = np.zeros((len(drawn), value.size))
     np.add.at(times, (np.arange(len(drawn))[:, None], drawn), 1.0)
     yes, no = times[:, positive], times[:, ~positive]

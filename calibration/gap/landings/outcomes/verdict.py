@@ -71,12 +71,12 @@ def _no_gap(score: Score) -> str:
         )
     )
     few = score.flights < ENOUGH
+    shown = f", and fewer than {ENOUGH} show gross errors only" if few else ""
+    often = "as often as chance allows" if few else "about as often as expected"
+    scored = "no worse than probabilities that are right may" if few else "as probabilities that are right do"
     return (
-        f"no gap that {score.flights} flights can show"
-        f"{f', and fewer than {ENOUGH} show gross errors only' if few else ''}: four, two and none happened "
-        f"about as often as expected{beside}, and the single flights score "
-        f"{'no worse than probabilities that are right may' if few else 'as probabilities that are right do'}"
-        f"{_against_base_rate(score)}"
+        f"no gap that {score.flights} flights can show{shown}: four, two and none happened {often}{beside}, "
+        f"and the single flights score {scored}{_against_base_rate(score)}"
     )
 
 
