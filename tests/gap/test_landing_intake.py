@@ -220,10 +220,11 @@ def test_a_flip_that_is_far_beside_its_trigger_is_told(day: list[Flight]) -> Non
     report = landing_report(
         ready, forecast(ready, parameters), real, [True, False], load_vehicle(VEHICLE), seed=0
     )
-    *_, whose, clock = report.words
+    *_, whose, clock, ceiling = report.words
     assert whose == "outcomes: 1 from labels.csv, 1 from the flights' own data"
     assert f"1 of 2 flights is 40 ms or more beside its trigger ({early.name})" in clock
     assert "or the flip of this vehicle file is wrong" in clock
+    assert "too few to know it" in ceiling
     assert [one["real_from"] for one in as_json(report)["flights"]] == ["labels.csv", "flight"]
 
 
@@ -252,8 +253,9 @@ def test_flights_that_nobody_classified_are_told_where_to_say_it(
         shutil.copy(flight.source, tmp_path)
     command = ["gap", "landings", "--data", str(tmp_path), "--vehicle", VEHICLE, "--draws", "20"]
     assert run([*command, "--json"]) == 0
-    said, whose = json.loads(capsys.readouterr().out)["says"]
+    said, whose, ceiling = json.loads(capsys.readouterr().out)["says"]
     assert "outcomes: 0 from labels.csv, 0 from the flights' own data, 2 unknown" in whose
+    assert f"ceiling of {tmp_path}: 2 contacts, too few to know it" in ceiling
     assert "of 2 flights are classified, and a score needs 4" in said
     assert "labels.csv" in said
     assert run([*command, "--search"]) == 2

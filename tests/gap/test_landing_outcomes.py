@@ -19,6 +19,7 @@ from calibration.gap.landings.outcomes.held_out import held_out, left_one_out
 from calibration.gap.landings.outcomes.labels import LabelsFileError, landing_class
 from calibration.gap.landings.outcomes.pad_laws import LIMITS, mixture
 from calibration.gap.landings.outcomes.prepare import roll_errors
+from calibration.gap.landings.outcomes.roll import roll_evidence
 from calibration.gap.landings.outcomes.scores import (
     REPLICATES,
     auc_of,
@@ -254,6 +255,18 @@ def test_what_could_roll_the_authors_flips(prepared: PreparedLandings) -> None:
     assert refuted["motor_imbalance"] == ("hover_twist",)
     gain, error = found.measured["approach_roll_per_pitch"]
     assert gain < -2.5 * error  # roll in approaches too: not the flip alone
+
+
+def test_five_flips_of_the_authors_do_not_refute_all(prepared: PreparedLandings) -> None:
+    """The last five by name: at three standard errors every candidate would be refuted."""
+    found = roll_evidence(prepared.starts[-5:], load_vehicle(STORED), np.random.default_rng(0))
+    assert found is not None
+    assert found.flips == 5
+    assert "gyro turned against the propellers" in found.left
+    gain, error = found.measured["approach_roll_per_pitch"]
+    turned = found.causes[-1]
+    assert abs(turned.predicted["approach_roll_per_pitch"] - gain) > 3.0 * error
+    assert "inertia_products" not in found.left
 
 
 def test_a_mixture_of_limits_is_their_normal_distribution() -> None:

@@ -20,15 +20,17 @@ def vehicle() -> Vehicle:
     return load_vehicle("crazyflie21-upgraded")
 
 
-def flips(vehicle: Vehicle, product: float = 0.0, unequal: float = 0.0, yaw: float = 0.0) -> list[Any]:
-    """Gyro of ten flips: product of inertia (kg m2), unequal front motors (share), turned gyro (rad)."""
+def flips(
+    vehicle: Vehicle, product: float = 0.0, unequal: float = 0.0, yaw: float = 0.0, count: int = 10
+) -> list[Any]:
+    """Gyro of flips: product of inertia (kg m2), unequal front motors (share), turned gyro (rad)."""
     body = vehicle.body
     tensor = np.diag([body.inertia_xx.value, body.inertia_yy.value, body.inertia_zz.value])
     tensor[0, 1] = tensor[1, 0] = product
     inverse = np.linalg.inv(tensor)
     rng = np.random.default_rng(0)
     found = []
-    for _ in range(10):
+    for _ in range(count):
         w, rates, each, dt = np.zeros(3), [], rng.uniform(0.05, 0.06), 1e-3
         for _ in range(180):
             left, right = each * (1.0 + unequal), each * (1.0 - unequal)
@@ -79,3 +81,11 @@ def test_unequal_front_motors_are_not_refuted_by_what_they_do(vehicle: Vehicle) 
     assert causes["motor_imbalance"].predicted["yaw_rad_s"] == pytest.approx(
         found.measured["yaw_rad_s"][0], abs=0.1
     )
+
+
+@pytest.mark.parametrize(("count", "beyond"), [(5, 4.604), (10, 3.250), (15, 3.0), (28, 3.0)])
+def test_few_flips_refute_less(vehicle: Vehicle, count: int, beyond: float) -> None:
+    """Their standard error is itself uncertain: 1 % of Student's t (of 4 and 9 degrees, from a table)."""
+    found = roll_evidence(flips(vehicle, count=count), vehicle, np.random.default_rng(0))
+    assert found is not None
+    assert found.refuted_beyond == pytest.approx(beyond, abs=1e-3)

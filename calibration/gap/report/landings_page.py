@@ -9,7 +9,7 @@ import numpy as np
 from calibration.gap.landings.outcomes.document import LandingReport, classified
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
 from calibration.gap.landings.outcomes.prepare import RATE_ERROR
-from calibration.gap.landings.outcomes.roll import REFUTED, RollEvidence
+from calibration.gap.landings.outcomes.roll import REFUTED, REFUTED_LEVEL, RollEvidence
 from calibration.gap.landings.outcomes.scores import Score
 from calibration.gap.report.landing_pictures import LandingPicture, by_surprise
 from calibration.gap.report.landing_scores import score_tables, search_table
@@ -115,7 +115,8 @@ _ROLL_CAUSES = {
 """Those with a name of their own in vehicle files."""
 _ROLL_NOTE = (
     "What each cause of the measured roll would do, beside what was measured (and its standard error); "
-    f"more than {REFUTED:g} standard errors apart refutes it."
+    f"more than {REFUTED:g} standard errors apart refutes it, of fewer than 15 flips as many as Student's t "
+    f"has at {REFUTED_LEVEL:.0%}."
 )
 
 

@@ -58,7 +58,8 @@ def estimate_dispersion(
 
     Args:
         starts: all flights.
-        ceilings: m (n,), height that each contact implies, less that of its session; NaN where unseen.
+        ceilings: m (n,), height that each contact implies, less that of its session; NaN where unseen, or
+            where nobody knows that of the session: what a drone reckoned is off by more than flights scatter.
         speeds: m/s (n,), climb of the highest point at the contact.
         pitch_slopes, roll_slopes: as of :class:`..prepare.PreparedLandings`.
     """
@@ -107,8 +108,9 @@ class MeasuredLaunch:
     Attributes:
         reached_x, reached_z: median share of the commanded velocity at the trigger.
         spread_x, spread_y, spread_z: m/s, standard deviations about that.
-        ceiling: m, mean height of the ceiling above where the drone reckoned it.
-        ceiling_spread: m, standard deviation of it, between sessions and within.
+        ceiling: m, mean height of the ceiling above where the drone reckoned it; None where nobody knows it.
+        ceiling_spread: m, standard deviation of it, between sessions and within; None likewise.
+        sessions, ceiling_flights: how many these two are from.
     """
 
     flights: int
@@ -117,8 +119,10 @@ class MeasuredLaunch:
     spread_x: float
     spread_y: float
     spread_z: float
-    ceiling: float
-    ceiling_spread: float
+    ceiling: float | None
+    ceiling_spread: float | None
+    sessions: int
+    ceiling_flights: int
 
 
 def measured_launch(
@@ -127,16 +131,18 @@ def measured_launch(
     """From starts; None where fewer than five were told a speed and an angle.
 
     Args:
-        ceilings: m (n,), of the sessions of the flights.
+        ceilings: m (n,), of the sessions of the flights; NaN where nobody knows it.
         height: m, standard deviation of the distance to the ceiling within a session.
     """
-    told, flown, above = [], [], []
+    told, flown, above, sessions = [], [], [], set()
     for start, ceiling in zip(starts, ceilings, strict=True):
         speed, angle = start.flight.commanded_speed, start.flight.commanded_angle_deg
         if speed is not None and angle is not None:
             told.append([speed * np.cos(np.radians(angle)), speed * np.sin(np.radians(angle))])
             flown.append(start.state["velocity"][0])
-            above.append(ceiling - start.reckoned_ceiling)
+            if np.isfinite(ceiling):
+                above.append(ceiling - start.reckoned_ceiling)
+                sessions.add(start.flight.session)
     if len(told) < LEAST:
         return None
     asked, reached = np.array(told), np.array(flown)
@@ -148,6 +154,8 @@ def measured_launch(
         spread_x=standard_deviation(reached[:, 0] - share_x * asked[:, 0]),
         spread_y=standard_deviation(reached[:, 1]),
         spread_z=standard_deviation(reached[:, 2] - share_z * asked[:, 1]),
-        ceiling=float(np.mean(above)),
-        ceiling_spread=float(np.hypot(np.std(above), height)),
+        ceiling=float(np.mean(above)) if above else None,
+        ceiling_spread=float(np.hypot(np.std(above), height)) if above else None,
+        sessions=len(sessions),
+        ceiling_flights=len(above),
     )

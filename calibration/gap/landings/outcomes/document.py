@@ -96,7 +96,7 @@ class LandingReport:
     def launch(self) -> MeasuredLaunch | None:
         """How approaches differ from what they were told."""
         ready = self.prepared
-        return measured_launch(ready.starts, ready.ceilings, ready.dispersion.height)
+        return measured_launch(ready.starts, ready.measured_ceilings, ready.dispersion.height)
 
     @property
     def verdict(self) -> Verdict:
@@ -138,6 +138,7 @@ class LandingReport:
                 "or the flip of this vehicle file is wrong; their ceiling and time of contact are not to be "
                 "trusted"
             )
+        yield from (one.words for one in self.prepared.unknown_ceilings)
 
     @property
     def prospects(self) -> tuple[str, ...]:
@@ -170,6 +171,7 @@ class LandingReport:
             "improved": self.improved,
             "dispersion": self.prepared.dispersion,
             "launch": self.launch,
+            "unknown_ceilings": self.prepared.unknown_ceilings,
             "flip": {
                 "pitch_rate_rms_rad_s": _rms([flip.error for flip in flips]),
                 "pitch_slope": _mean([flip.pitch for flip in flips]),
@@ -199,6 +201,7 @@ class LandingReport:
             "p_body_contact": flight.body_contact,
             "p_body_contact_if_held": flight.body_contact_held,
             "ceiling_m": float(self.prepared.ceilings[index]),
+            "ceiling_contacts": int(self.prepared.contacts[index]),
             "contact_s": flight.contact,
             "contact_measured_s": flight.measured_contact,
         }

@@ -2,8 +2,7 @@
 
 A flip is simulated without a ceiling from its recorded start. The gyro then tells how much later the log's
 clock is than the trigger (rows of a radio log differ in age by up to 20 ms), and how much of the predicted
-rates the vehicle showed. The vehicle's highest point at the moment of the contact is where the ceiling was; a
-flight gets the median of the other flights of its session, so that its own end does not help to predict it.
+rates the vehicle showed. Contacts tell where the ceiling was (:mod:`.ceilings`).
 """
 
 from collections.abc import Sequence
@@ -16,13 +15,19 @@ from calibration.flights import Flight
 from calibration.gap.data.duplicates import duplicate_of
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.kernels import COLUMNS, OMEGA
+from calibration.gap.landings.outcomes.ceilings import (
+    LEAST_CEILING,
+    UnknownCeiling,
+    session_ceilings,
+    unknown_ceilings,
+)
 from calibration.gap.landings.outcomes.dispersion import Dispersion, estimate_dispersion
 from calibration.gap.landings.outcomes.kernels import trace_flips
 from calibration.gap.landings.outcomes.roll import RollEvidence, roll_evidence
 from calibration.gap.landings.outcomes.starts import TriggerStart, trigger_start
 from calibration.gap.landings.problem import highest
 from calibration.gap.replay.inputs import below_no_ceiling
-from onboard.arrays import FloatArray
+from onboard.arrays import FloatArray, IntArray
 from onboard.vehicle import Vehicle
 from sim_backend.physics.rollout import RolloutSettings
 
@@ -49,8 +54,6 @@ RATE_ERROR = 1.3
 """rad/s, RMS that flips leave with a clock of their own."""
 
 _UNSEEN_FLIP = 0.2  # s of a flip that is used where no contact was seen
-_LEAST_CEILING = 3  # contacts that tell a session's ceiling
-_ONE_ROOM = 0.2  # m between what two drones of one room take for its ceiling, at most
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,9 @@ class PreparedLandings:
     Attributes:
         starts: their triggers.
         flips: the flip of each, with the vehicle that prepared them.
-        ceilings: m (n,), of the session, from the contacts of the other flights.
+        ceilings: m (n,), of the session, from the contacts of the other flights; where these are too few, as
+            the drone reckoned.
+        contacts: how many these are (n,).
         dispersion: of starts and flips.
         draws: standard normal numbers (n, draws, ERRORS), the same for every vehicle that is compared.
         roll: why flips roll; None where flips are too few to ask.
@@ -98,10 +103,21 @@ class PreparedLandings:
     starts: tuple[TriggerStart, ...]
     flips: tuple[FlipFit, ...]
     ceilings: FloatArray
+    contacts: IntArray
     dispersion: Dispersion
     draws: FloatArray
     roll: RollEvidence | None
     unused: tuple[NotUsed, ...]
+
+    @property
+    def measured_ceilings(self) -> FloatArray:
+        """The ceilings (m, (n,)) that contacts tell, NaN where they are too few."""
+        return _measured(self.ceilings, self.contacts)
+
+    @property
+    def unknown_ceilings(self) -> tuple[UnknownCeiling, ...]:
+        """The ceilings that are as the drone reckoned."""
+        return unknown_ceilings(self.starts, np.array([flip.ceiling for flip in self.flips]), self.contacts)
 
     def contact(self, index: int) -> float | None:
         """Time (s) from the trigger to the measured contact of a flight; None: unseen."""
@@ -127,14 +143,16 @@ def prepare(
             starts.append(found)
     flips = tuple(_flip(start, free) for start in starts)
     implied = np.array([flip.ceiling for flip in flips])
-    ceilings = _ceilings(starts, implied)
+    ceilings, contacts = session_ceilings(starts, implied)
+    off = implied - _measured(ceilings, contacts)
     pitch, roll = np.array([flip.pitch for flip in flips]), np.array([flip.roll for flip in flips])
     climbs = np.array([flip.climb for flip in flips])
     return PreparedLandings(
         starts=tuple(starts),
         flips=flips,
         ceilings=ceilings,
-        dispersion=estimate_dispersion(starts, implied - ceilings, climbs, pitch, roll),
+        contacts=contacts,
+        dispersion=estimate_dispersion(starts, off, climbs, pitch, roll),
         draws=rng.standard_normal((len(starts), draws, ERRORS)),
         roll=roll_evidence(starts, vehicle, rng),
         unused=tuple(unused),
@@ -188,18 +206,5 @@ def _clock(t: FloatArray, seen: FloatArray, trace: FloatArray, sigma: float) -> 
     return float(_CLOCK_GRID[int(np.argmin(costs))])
 
 
-def _ceilings(starts: Sequence[TriggerStart], implied: FloatArray) -> FloatArray:
-    """Ceiling (m) of each flight: the median of the others of its session, else where the drone had it.
-
-    Flights whose drones reckoned with quite another ceiling were in another room, whatever their session.
-    """
-    sessions = np.array([start.flight.session for start in starts])
-    reckoned = np.array([start.reckoned_ceiling for start in starts])
-    found = reckoned.copy()
-    for index in range(len(starts)):
-        near = np.abs(reckoned - reckoned[index]) < _ONE_ROOM
-        others = (sessions == sessions[index]) & near & np.isfinite(implied)
-        others[index] = False
-        if np.count_nonzero(others) >= _LEAST_CEILING:
-            found[index] = float(np.median(implied[others]))
-    return found
+def _measured(ceilings: FloatArray, contacts: IntArray) -> FloatArray:
+    return np.where(contacts >= LEAST_CEILING, ceilings, np.nan)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from calibration.gap.landings.outcomes.starts import TriggerStart
 from calibration.gap.landings.segments import commanded_thrusts
@@ -22,7 +23,10 @@ from onboard.vehicle import Vehicle
 
 LEAST_FLIPS = 5
 REFUTED = 3.0
-"""Standard errors between what a candidate would do and what was measured."""
+"""Standard errors between what a candidate would do and what was measured, at least; of few flips more."""
+
+REFUTED_LEVEL = 0.01
+"""Two-sided probability of Student's t that a refutation has at most: 4.6 standard errors of 5 flips."""
 
 GYRO_TILT = 0.0175
 """rad: a gyro is square to the board to a degree at best; so much of the pitch rate may look like yaw."""
@@ -61,6 +65,7 @@ class RollEvidence:
 
     Attributes:
         flips: how many.
+        refuted_beyond: standard errors that refute.
         measured: value and standard error of the mean, by quantity: ``roll_per_pitch``; ``yaw_rad_s``, gained
             in the flip; ``approach_roll_per_pitch``, of commanded pitch moments; ``hover_roll`` and
             ``hover_twist``, left less right and M2, M4 less M1, M3 over all, of commanded thrusts.
@@ -68,6 +73,7 @@ class RollEvidence:
     """
 
     flips: int
+    refuted_beyond: float
     measured: dict[str, Measured]
     causes: tuple[RollCause, ...]
 
@@ -80,6 +86,7 @@ class RollEvidence:
         """As a JSON object."""
         return {
             "flips": self.flips,
+            "refuted_beyond_standard_errors": self.refuted_beyond,
             "measured": {name: {"value": v, "standard_error": s} for name, (v, s) in self.measured.items()},
             "causes": self.causes,
             "not_refuted": self.left,
@@ -133,21 +140,22 @@ def roll_evidence(
         ),
         ("gyro turned against the propellers", float(np.arctan(share)), "rad", {"yaw_rad_s": 0.0, **alike}),
     )
+    beyond = max(REFUTED, float(stats.t.isf(0.5 * REFUTED_LEVEL, len(flips) - 1)))
     causes = tuple(
-        RollCause(name, value, unit, predicted, _contradicted(predicted, measured, doubt))
+        RollCause(name, value, unit, predicted, _contradicted(predicted, measured, doubt, beyond))
         for name, value, unit, predicted in candidates
     )
-    return RollEvidence(len(flips), measured, causes)
+    return RollEvidence(len(flips), beyond, measured, causes)
 
 
 def _contradicted(
-    predicted: dict[str, float], measured: dict[str, Measured], doubt: dict[str, float]
+    predicted: dict[str, float], measured: dict[str, Measured], doubt: dict[str, float], beyond: float
 ) -> tuple[str, ...]:
     return tuple(
         name
         for name, value in predicted.items()
         if name in measured
-        and abs(value - measured[name][0]) > REFUTED * np.hypot(measured[name][1], doubt.get(name, 0.0))
+        and abs(value - measured[name][0]) > beyond * np.hypot(measured[name][1], doubt.get(name, 0.0))
     )
 
 
