@@ -36,7 +36,8 @@ def launch_of(path: Path) -> tuple[float, ...]:
     """Values of :class:`sim_backend.physics.launch.Launch` as the flights of the document show them.
 
     Raises:
-        LearningInputError: it cannot be read, or too few of its flights were told a speed and an angle.
+        LearningInputError: it cannot be read, too few of its flights were told a speed and an angle, or no
+            session tells its ceiling.
     """
     document = read_landings(path)
     try:
@@ -48,5 +49,5 @@ def launch_of(path: Path) -> tuple[float, ...]:
     except (KeyError, TypeError, ValueError) as error:
         raise LearningInputError(
             f"{path}: does not say how approaches scatter (launch): give the landings.json of at least five "
-            "flights with a commanded speed and angle"
+            "flights with a commanded speed and angle, four of one session with a contact"
         ) from error

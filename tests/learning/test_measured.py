@@ -78,9 +78,11 @@ def test_a_lab_learns_with_its_own_scatter(tmp_path: Path) -> None:
     assert rules.rollout.velocity_bias == SENSING[MEASURED].velocity_bias
     assert recorded_setup(json.loads(json.dumps(setup.describe())), "sweep") == setup
     assert "launch" not in LearningSetup().describe()  # folders of before go on
-    own.write_text(json.dumps({"schema": SCHEMA, "launch": None}))
-    with pytest.raises(LearningInputError, match="at least five flights"):
-        launch_of(own)
+    unknown = {**document, "launch": {**values, "ceiling": None, "ceiling_spread": None}}
+    for lacks in ({"schema": SCHEMA, "launch": None}, unknown):
+        own.write_text(json.dumps(lacks))
+        with pytest.raises(LearningInputError, match="at least five flights"):
+            launch_of(own)
 
 
 def test_conditions_without_a_trigger_expect_nothing() -> None:
