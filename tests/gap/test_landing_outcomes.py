@@ -255,6 +255,9 @@ def test_what_could_roll_the_authors_flips(prepared: PreparedLandings) -> None:
     assert refuted["motor_imbalance"] == ("hover_twist",)
     gain, error = found.measured["approach_roll_per_pitch"]
     assert gain < -2.5 * error  # roll in approaches too: not the flip alone
+    again = roll_evidence(prepared.starts, load_vehicle(STORED), np.random.default_rng(1))
+    assert again is not None
+    assert again.measured["approach_roll_per_pitch"][1] == pytest.approx(error, rel=0.04)  # by any seed
 
 
 def test_five_flips_of_the_authors_do_not_refute_all(prepared: PreparedLandings) -> None:
