@@ -169,8 +169,8 @@ def test_a_landing_is_ordered_again_while_copies_of_a_go_to_may_be_under_way(
     gate.let_go.set()
     runner.submit(Order(1, GoTo((0.0, 0.0, 1.0), 1.0)))
     until(lambda: gate.calls == ["go_to", "go_to ended"])
-    runner.submit(Order(2, Land(3.0)))
     begin = time.monotonic()
+    runner.submit(Order(2, Land(3.0)))
     until(lambda: gate.calls[2:] == ["land", "land again"])
     assert time.monotonic() - begin >= COMMAND_LIFETIME_S
 
